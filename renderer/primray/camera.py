@@ -111,28 +111,26 @@ def camera_of(values: Mapping[str, Any]) -> Camera:
     near, far = map(float, values["clipping_range"])
     if not (matrix.shape == (4, 4) and right != left and top != bottom and near != far):
         raise ValueError
-    return Camera(
-        str(values["path"]),
-        matrix,
-        Projection(values["projection"]),
-        (left, right, bottom, top),
-        (near, far),
-        float(values["lens_radius"]),
-        float(values["focus_distance"]),
-        float(values["exposure_scale"]),
-        int(values["blades"]),
-        float(values["blade_rotation_deg"]),
-        tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in values["clipping_planes"]),
-        (float(values["shutter"][0]), float(values["shutter"][1])),
-        diffusion_of(values["diffusion"]) if "diffusion" in values else NO_DIFFUSION,
-        distortion_of(values.get("distortion")),
-        bool(values.get("natural_vignetting", False)),
-        *_flaws_of(values),
-    )
-
-
-def _flaws_of(values: Mapping[str, Any]) -> tuple[tuple[float, float], tuple[float, float, float], tuple[float, float, float]]:
     distance, radius = map(float, values.get("rim", (0.0, 0.0)))
     red, green, blue = map(float, values.get("channel_magnification", (1.0, 1.0, 1.0)))
     of_red, of_green, of_blue = map(float, values.get("channel_focus_shift", (0.0, 0.0, 0.0)))
-    return (distance, radius), (red, green, blue), (of_red, of_green, of_blue)
+    return Camera(
+        path=str(values["path"]),
+        world_from_camera=matrix,
+        projection=Projection(values["projection"]),
+        window=(left, right, bottom, top),
+        clipping_range=(near, far),
+        lens_radius=float(values["lens_radius"]),
+        focus_distance=float(values["focus_distance"]),
+        exposure_scale=float(values["exposure_scale"]),
+        blades=int(values["blades"]),
+        blade_rotation_deg=float(values["blade_rotation_deg"]),
+        clipping_planes=tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in values["clipping_planes"]),
+        shutter=(float(values["shutter"][0]), float(values["shutter"][1])),
+        diffusion=diffusion_of(values["diffusion"]) if "diffusion" in values else NO_DIFFUSION,
+        distortion=distortion_of(values.get("distortion")),
+        natural_vignetting=bool(values.get("natural_vignetting", False)),
+        rim=(distance, radius),
+        channel_magnification=(red, green, blue),
+        channel_focus_shift=(of_red, of_green, of_blue),
+    )

@@ -60,7 +60,7 @@ class Limits:
     free_disk_bytes: int = 512 * MiB
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Quotas:
     """Quotas of a tenant; None: no limit."""
 

@@ -122,7 +122,7 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     # The order matters: those who are woken by a change read it.
     unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
     executor = executor_maker(config.executor)(config, data)
-    service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
+    service = Service(config=config, store=store, data=data, executor=executor, dispatcher=None, changes=changes, reads=reads)  # type: ignore[arg-type]
     service.dispatcher = Dispatcher(store, executor, data, config.limits, service.tenant_quotas.of)
     store.listen(service.dispatcher.told)
     dispatching: asyncio.Task[None] | None = None

@@ -169,9 +169,16 @@ def aov_data_of_contents(header: Mapping[str, Any], arrays: Mapping[str, npt.NDA
         metadata = {str(name): str(value) for name, value in says["metadata"].items()}
         samples = None if says["samples"] is None else int(says["samples"])
         channels = tuple(str(channel) for channel in says["channels"])
-        texts = str(says["source"]), str(says["meaning"])
         fixed[str(says["name"])] = Aov(
-            values, channels, *texts, says["stored"], ids, metadata, arrays.get(f"{place}.errors"), samples
+            values=values,
+            channels=channels,
+            source=str(says["source"]),
+            meaning=str(says["meaning"]),
+            stored=says["stored"],
+            ids=ids,
+            metadata=metadata,
+            errors=arrays.get(f"{place}.errors"),
+            samples=samples,
         )
     guides = None
     if "guide.albedo" in arrays:

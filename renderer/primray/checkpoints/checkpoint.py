@@ -269,7 +269,7 @@ def _plan(samples: int, arrays: Arrays, pixels: int, tiles: int) -> Plan:
     _require(0 < samples <= MAX_SPP and begin.min() >= 0 and begin.max() <= MAX_SPP)
     _require(order.min() >= 0 and order.max() < tiles and levels.min() >= 0 and levels.max() < DOUBLINGS)
     _require(np.bincount(order).max() <= DOUBLINGS and spent.min() >= 0 and bool((np.diff(spent) >= 0).all()))
-    return Plan(samples, begin, order, levels, spent, pixels)
+    return Plan(samples=samples, begin=begin, order=order, levels=levels, spent=spent, pixels=pixels)
 
 
 def _rows(rows: Sequence[Mapping[str, Any]], arrays: Arrays, tiles: int) -> tuple[ErrorRow, ...]:

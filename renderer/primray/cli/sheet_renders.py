@@ -117,14 +117,14 @@ def _render(folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome
     ended = run_limited(command, limits.timeout_s, scratch / "err")
     report = json.loads(report_file.read_text()) if report_file.exists() else {}
     return Outcome(
-        stage.relative_to(folder).as_posix(),
-        ended.exit_code,
-        ended.seconds,
-        ended.peak_rss_bytes,
-        str(png) if png.exists() else None,
-        ended.stderr if ended.exit_code != 0 else "",
-        tuple(marks(ended.exit_code, exr, report)),
-        report,
+        stage=stage.relative_to(folder).as_posix(),
+        exit_code=ended.exit_code,
+        seconds=ended.seconds,
+        peak_rss_bytes=ended.peak_rss_bytes,
+        picture=str(png) if png.exists() else None,
+        message=ended.stderr if ended.exit_code != 0 else "",
+        marks=tuple(marks(ended.exit_code, exr, report)),
+        report=report,
     )
 
 
@@ -338,12 +338,12 @@ def _outcome(cell: Cell, ended: Ended, scratch: Path, shared_by: int) -> Outcome
     report: dict[str, Any] = json.loads(report_file.read_text()) if report_file.exists() else {}
     exit_code = 0 if png.exists() and exr.exists() else ended.exit_code or 1
     return Outcome(
-        cell.label,
-        exit_code,
-        ended.seconds / shared_by,
-        ended.peak_rss_bytes,
-        str(png) if exit_code == 0 else None,
-        "" if exit_code == 0 else ended.stderr,
-        tuple(marks(exit_code, exr, report)),
-        report,
+        stage=cell.label,
+        exit_code=exit_code,
+        seconds=ended.seconds / shared_by,
+        peak_rss_bytes=ended.peak_rss_bytes,
+        picture=str(png) if exit_code == 0 else None,
+        message="" if exit_code == 0 else ended.stderr,
+        marks=tuple(marks(exit_code, exr, report)),
+        report=report,
     )

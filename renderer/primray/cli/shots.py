@@ -87,7 +87,16 @@ def product_shots(
             files = [str(Path(folder or "", names[product.path].numbered(time_code))) for product in made]
             written += [(file, product.path) for file, product in zip(files, made, strict=True)]
             by_file = dict(zip(files, made, strict=True))
-            shots.append(Shot(replace(own, time_code=time_code), files, report_file, by_file, with_record, reports))
+            shots.append(
+                Shot(
+                    settings=replace(own, time_code=time_code),
+                    files=files,
+                    report=report_file,
+                    products=by_file,
+                    with_record=with_record,
+                    reports=reports,
+                )
+            )
     check_files(written)
     return opened, shots
 

@@ -129,13 +129,13 @@ def _measured(name: str, aov: Aov, picture: MeasuredImage) -> MeasuredImage:
     chosen = (0, min(1, len(aov.channels) - 1), min(2, len(aov.channels) - 1))
     own = {"samples_per_pixel": f"{aov.samples} {aov.samples}", "settings.seed": "of AOVs"}
     return MeasuredImage(
-        np.asarray(aov.values[..., chosen], np.float32),
-        None,
-        None if aov.errors is None else np.asarray(aov.errors[..., chosen], np.float32),
-        picture.metadata if aov.samples is None else own,
-        f"{picture.name} {name}",
-        picture.chromaticities,
-        picture.frame,
+        pixels=np.asarray(aov.values[..., chosen], np.float32),
+        alpha=None,
+        stderr=None if aov.errors is None else np.asarray(aov.errors[..., chosen], np.float32),
+        metadata=picture.metadata if aov.samples is None else own,
+        name=f"{picture.name} {name}",
+        chromaticities=picture.chromaticities,
+        frame=picture.frame,
     )
 
 

@@ -91,11 +91,11 @@ def measured(image: Image) -> MeasuredImage:
     colors = [image.channels.index(name) for name in COLORS]
     alpha = image.pixels[..., image.channels.index("A")] if "A" in image.channels else None
     return MeasuredImage(
-        np.ascontiguousarray(image.pixels[..., colors]),
-        None if alpha is None else np.ascontiguousarray(alpha),
-        image.errors,
-        image.metadata,
-        "the image",
-        chromaticities_of(image.color_space),
-        image.frame,
+        pixels=np.ascontiguousarray(image.pixels[..., colors]),
+        alpha=None if alpha is None else np.ascontiguousarray(alpha),
+        stderr=image.errors,
+        metadata=image.metadata,
+        name="the image",
+        chromaticities=chromaticities_of(image.color_space),
+        frame=image.frame,
     )

@@ -107,7 +107,7 @@ class AovComparison:
         return sum(tile.verdict is verdict for tile in self.tiles)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Comparison:
     """Result of `primray.compare`. Differences are B - A, relative to the picture; boxes are pixels from the upper left.
 
@@ -183,19 +183,19 @@ def compare(
     if any(t.verdict is Verdict.CHANGED for t in tiles) or (image is not None and _matters(image, tolerance)):
         verdict = Verdict.CHANGED
     return Comparison(
-        verdict,
-        alpha,
-        tolerance,
-        tuple(tiles),
-        image,
-        relative,
-        relative_error,
-        _needs(reach, factor, resolution, tolerance, of) if verdict is Verdict.UNDECIDED else None,
-        int(of.judged.size - np.count_nonzero(of.judged | of.broken)),
-        not of.d.any() and bool(of.judged.all()),
-        of,
-        of.notes,
-        tile,
+        verdict=verdict,
+        alpha=alpha,
+        tolerance=tolerance,
+        tiles=tuple(tiles),
+        finding=image,
+        relative=relative,
+        relative_error=relative_error,
+        needs=_needs(reach, factor, resolution, tolerance, of) if verdict is Verdict.UNDECIDED else None,
+        unjudged_pixels=int(of.judged.size - np.count_nonzero(of.judged | of.broken)),
+        identical=not of.d.any() and bool(of.judged.all()),
+        of=of,
+        notes=of.notes,
+        tile=tile,
     )
 
 
@@ -235,9 +235,11 @@ def _tiles_by_values(of: Difference, grid: Grid, tolerance: float, display: bool
     tiles = []
     for y, x in np.ndindex(*found.size.shape):
         size, signed, box = float(found.size[y, x]), float(found.signed[y, x]), grid.box(y, x)
-        finding = Finding("values", "RGB", box, -math.inf, size, signed) if size > 0 else None
+        finding = (
+            Finding(kind="values", channel="RGB", box=box, log_p=-math.inf, relative=size, signed=signed) if size > 0 else None
+        )
         if broken[y, x]:
-            finding = Finding("not-finite", "RGB", box, -math.inf, math.inf, math.inf)
+            finding = Finding(kind="not-finite", channel="RGB", box=box, log_p=-math.inf, relative=math.inf, signed=math.inf)
         changed = finding is not None and _matters(finding, tolerance)
         tiles.append(Tile(box, Verdict.CHANGED if changed else Verdict.UNCHANGED, signed, 0.0, finding))
     return tiles
@@ -288,12 +290,12 @@ def _findings(families: list[Family], alpha: float, channels: tuple[str, ...]) -
         for c, y, x in np.argwhere(log_p <= math.log(alpha)):
             found.append(
                 Finding(
-                    family.kind,
-                    channels[c],
-                    family.grid.box(y, x),
-                    float(log_p[c, y, x]),
-                    float(family.size[c, y, x]),
-                    float(family.signed[c, y, x]),
+                    kind=family.kind,
+                    channel=channels[c],
+                    box=family.grid.box(y, x),
+                    log_p=float(log_p[c, y, x]),
+                    relative=float(family.size[c, y, x]),
+                    signed=float(family.signed[c, y, x]),
                 )
             )
     return found
@@ -343,7 +345,9 @@ def _tiles(of: Difference, tests: Tests, findings: list[Finding], reach: Doubles
         x = int(np.searchsorted(grid.columns, (x0 + x1) // 2, side="right")) - 1
         by_tile.setdefault((y, x), []).append(finding)
     for y, x in np.argwhere(grid.sum(of.broken.astype(np.float64)) > 0):
-        broken = Finding("not-finite", "RGB", grid.box(y, x), -math.inf, math.inf, math.inf)
+        broken = Finding(
+            kind="not-finite", channel="RGB", box=grid.box(y, x), log_p=-math.inf, relative=math.inf, signed=math.inf
+        )
         by_tile.setdefault((int(y), int(x)), []).append(broken)
     mean = tile_means(of, tests)
     tiles = []

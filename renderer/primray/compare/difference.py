@@ -35,7 +35,7 @@ class Relation(Enum):
     REPEATED = "the same random numbers: noise is shared"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Difference:
     """The difference B - A by channel. Pixels that cannot be judged are 0 in every array."""
 
@@ -143,19 +143,19 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
     level = np.abs(mean[colors]).mean(axis=0)[judged]
     lit = level[level > 0]
     return Difference(
-        channels,
-        d,
-        variance_a,
-        variance_b,
-        mean,
-        (pixels_a[colors] * pixels_b[colors]).mean(axis=0),
-        judged,
-        finite_a != finite_b,
-        float(_FLOOR * np.median(lit)) if lit.size else 0.0,
-        _relation(a, b, d[colors], (variance_a + variance_b)[colors]),
-        samples,
-        tuple(notes),
-        a.frame,
+        channels=channels,
+        d=d,
+        variance_a=variance_a,
+        variance_b=variance_b,
+        mean=mean,
+        brightness=(pixels_a[colors] * pixels_b[colors]).mean(axis=0),
+        judged=judged,
+        broken=finite_a != finite_b,
+        floor=float(_FLOOR * np.median(lit)) if lit.size else 0.0,
+        relation=_relation(a, b, d[colors], (variance_a + variance_b)[colors]),
+        samples=samples,
+        notes=tuple(notes),
+        frame=a.frame,
     )
 
 

@@ -40,7 +40,7 @@ class Pairing:
     kind: str  # "frame" or "file": what names refer to
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PairComparison:
     """The result of one pair. It has no pixels, because a sequence may have thousands of frames."""
 
@@ -176,7 +176,16 @@ def compare_pairs(
             result = _result(pair, comparison)
         except PrimrayError as error:
             failed: dict[str, Any] = {"verdict": None, "error": {"code": error.code, "message": error.message}}
-            result = PairComparison(pair.name, str(pair.a), str(pair.b), Verdict.UNDECIDED, error, 0.0, str(error), failed)
+            result = PairComparison(
+                name=pair.name,
+                a=str(pair.a),
+                b=str(pair.b),
+                verdict=Verdict.UNDECIDED,
+                error=error,
+                size=0.0,
+                line=str(error),
+                facts=failed,
+            )
         if each is not None:
             each(pair, result, comparison)
         results.append(result)
@@ -196,7 +205,14 @@ def _result(pair: Pair, comparison: Comparison) -> PairComparison:
     facts["worst_tile"] = _worst_tile(facts.pop("tiles"), comparison)
     worst = worst_tiles(comparison)[0]
     return PairComparison(
-        pair.name, str(pair.a), str(pair.b), comparison.verdict, None, _size(comparison, worst), _line(comparison, worst), facts
+        name=pair.name,
+        a=str(pair.a),
+        b=str(pair.b),
+        verdict=comparison.verdict,
+        error=None,
+        size=_size(comparison, worst),
+        line=_line(comparison, worst),
+        facts=facts,
     )
 
 

@@ -20,7 +20,7 @@ from ..description.placement import Levels, instance_name
 Numbers = npt.NDArray[np.integer[Any]]
 
 
-@dataclass
+@dataclass(kw_only=True)
 class SceneRecord:
     """Paths and names by the core's row numbers, filled during upload."""
 

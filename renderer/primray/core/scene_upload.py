@@ -87,7 +87,15 @@ def upload_scene(
     instances = sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)]))
     builder.reserve_instances(instances)
     numbers: dict[int, int] = {}
-    placements = PlacementUpload(builder, inputs, d, numbers, prototype_boxes, warnings, record)
+    placements = PlacementUpload(
+        builder=builder,
+        inputs=inputs,
+        description=d,
+        numbers=numbers,
+        prototype_boxes=prototype_boxes,
+        warnings=warnings,
+        record=record,
+    )
     # Prototypes that contain placements come last: the prototypes they place have their numbers by then.
     for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
         corner, opposite = prototype_boxes[i]
@@ -110,19 +118,19 @@ def upload_scene(
     scene = builder.finish()
     is_editable = d.exposure is None and boxes is full_boxes and not lights.has_mesh_lights
     return scene, UploadRecord(
-        d,
-        warnings,
-        origin,
-        scale,
-        boxes,
-        prototype_boxes,
-        low,
-        high,
-        rows,
-        headers,
-        lights.groups,
-        is_editable,
-        handing.shape_rows,
+        description=d,
+        warnings=warnings,
+        origin=origin,
+        scale=scale,
+        boxes=boxes,
+        prototype_boxes=prototype_boxes,
+        low=low,
+        high=high,
+        rows=rows,
+        textures=headers,
+        light_groups=lights.groups,
+        is_editable=is_editable,
+        shape_rows=handing.shape_rows,
     )
 
 
@@ -139,7 +147,7 @@ def upload(
     return scene, [*found.warnings, *emitter_warnings(scene)], found.bounds
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class UploadRecord:
     """A record of what was uploaded and how, for replacing parts of it later."""
 
@@ -171,7 +179,7 @@ def emitter_warnings(scene: compiled.Scene) -> list[tuple[str, str, str]]:
     return [("emitters-unsampled", "", message)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlacementUpload:
     """Uploads placements with their instances' primvars; instances that are left out are reported in `warnings`."""
 

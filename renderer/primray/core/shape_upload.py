@@ -260,7 +260,15 @@ def whole_part(mesh: Mesh, surfaces: Ints) -> Part:
     )
     colors = (NO_FLOATS if mesh.colors is None else mesh.colors, attribute_kind(mesh.colors, points, triangles, normals=False))
     step_normals = None if mesh.motion is None or mesh.normals is None else mesh.motion.normals
-    return Part(mesh, mesh.triangles, surfaces, normals, colors, mesh.primvars, step_normals)
+    return Part(
+        mesh=mesh,
+        triangles=mesh.triangles,
+        surfaces=surfaces,
+        normals=normals,
+        colors=colors,
+        primvars=mesh.primvars,
+        step_normals=step_normals,
+    )
 
 
 def selected_part(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:

@@ -86,7 +86,16 @@ def with_denoised(image: Image, made: Denoised) -> Image:
     for metric, found in (says["error"] or {}).items():
         metadata |= {f"denoised.error.{metric}.estimate": found["estimate"]}
         metadata |= {f"denoised.error.{metric}.ci95": " ".join(map(str, found["ci95"]))}
-    own = Image(pixels, {}, metadata, image.camera, image.channels, None, image.color_space, image.frame)
+    own = Image(
+        pixels=pixels,
+        report={},
+        metadata=metadata,
+        camera=image.camera,
+        channels=image.channels,
+        errors=None,
+        color_space=image.color_space,
+        frame=image.frame,
+    )
     own = replace(own, file=image.file.beside())
     return replace(image, denoised=own, report={**image.report, "denoised": says})
 

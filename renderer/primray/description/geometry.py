@@ -186,7 +186,7 @@ class Curves:
         return _box_of_balls(self.controls)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Ribbons:
     """Flat curves, diced into a Mesh before rendering (tessellation/ribbons.py): at each point of a curve laid out as in
     Curves, half the width extends to both sides, perpendicular to the tangent and the interpolated normal."""

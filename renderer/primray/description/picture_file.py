@@ -97,14 +97,14 @@ def picture_file_of_json(values: Mapping[str, Any]) -> PictureFile:
         for name, given in values["header"].items()
     }
     return PictureFile(
-        half,
-        compression,
-        None if level is None else float(_number(level)),
-        tuple(header.items()),
-        None if values.get("contents") is None else _contents(values["contents"]),
-        tuple((str(path), picture_file_of_json(file)) for path, file in values.get("products", ())),
-        values.get("lit_behind") is True,
-        _view(values.get("view", {})),
+        half=half,
+        compression=compression,
+        level=None if level is None else float(_number(level)),
+        header=tuple(header.items()),
+        contents=None if values.get("contents") is None else _contents(values["contents"]),
+        products=tuple((str(path), picture_file_of_json(file)) for path, file in values.get("products", ())),
+        lit_behind=values.get("lit_behind") is True,
+        view=_view(values.get("view", {})),
     )
 
 

@@ -83,7 +83,14 @@ class PointInstances:
         orientations = None if self.orientations is None else self.orientations[chosen]
         scales = None if self.scales is None else self.scales[chosen]
         primvars, names = _take(self.primvars, chosen), _take_names(self.names, chosen)
-        return PointInstances(self.outer, self.positions[chosen], orientations, scales, primvars, names)
+        return PointInstances(
+            outer=self.outer,
+            positions=self.positions[chosen],
+            orientations=orientations,
+            scales=scales,
+            primvars=primvars,
+            names=names,
+        )
 
     def placed(self, outer: Doubles, name: str = "") -> PointInstances:
         """Return the instances transformed by a further matrix (3, 4), below an instance called `name`."""

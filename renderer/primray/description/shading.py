@@ -220,7 +220,7 @@ Color = tuple[float, float, float]
 HAIR_PREFIX = "hair_"  # prefix of their names among a Surface's varying inputs
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Hair:
     """Constant inputs of the hair BSDF; varying ones are named in Surface.inputs, by PREFIX and name.
 
@@ -244,7 +244,7 @@ class Hair:
 OPEN_PBR_PREFIX = "open_pbr_"  # prefix of their names among a Surface's varying inputs
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OpenPbr:
     """Constant inputs, with the defaults of OpenPBR Surface 1.1.1; varying ones are named in Surface.inputs, by PREFIX and
     name.

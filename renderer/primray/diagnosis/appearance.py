@@ -31,11 +31,18 @@ def _view(seen: Examined) -> Iterator[Finding]:
     here = (seen.prepared.camera.path,) if seen.prepared.camera.path else ()
     if bounds is None:
         said = why_empty(seen.prepared, seen.image.pixels, seen.diagnostics)
-        yield Finding(Question.EMPTY, "nothing-drawn", said, "Add or show what the message names.", here, 1.0)
+        yield Finding(
+            question=Question.EMPTY,
+            code="nothing-drawn",
+            message=said,
+            advice="Add or show what the message names.",
+            prims=here,
+            share=1.0,
+        )
     elif share == 0 and not seen.image.pixels[..., 3].any():
         said = f"No ray of {camera} hits anything. {why_empty(seen.prepared, seen.image.pixels, seen.diagnostics)}"
         advice = "Use another camera (--camera), or let --auto-camera frame the stage."
-        yield Finding(Question.EMPTY, "camera-sees-nothing", said, advice, here, 1.0)
+        yield Finding(question=Question.EMPTY, code="camera-sees-nothing", message=said, advice=advice, prims=here, share=1.0)
     elif share < SMALL_SHARE:
         depth = seen.image.aovs["depth"].values[..., 0]
         nearest = float(depth.min(initial=np.inf, where=np.isfinite(depth)))
@@ -44,7 +51,9 @@ def _view(seen: Examined) -> Iterator[Finding]:
             f", and {nearest:.4g} away from {camera}" if np.isfinite(nearest) else ""
         )
         advice = "Move the camera closer, correct the scale (metersPerUnit) of referenced assets, or use --auto-camera."
-        yield Finding(Question.EMPTY, "small-in-view", f"{said}.", advice, here, 1 - share)
+        yield Finding(
+            question=Question.EMPTY, code="small-in-view", message=f"{said}.", advice=advice, prims=here, share=1 - share
+        )
 
 
 def _missing(seen: Examined) -> Iterator[Finding]:
@@ -143,7 +152,14 @@ def find_grey(seen: Examined) -> Iterator[Finding]:
     share = grey_share(seen)
     if not told and share is not None and share > MOSTLY:
         said = f"{share:.0%} of the visible surfaces have an albedo without colour, and all of their materials are as authored."
-        yield Finding(Question.GREY, "grey-as-authored", said, "Author colours or textures in the materials.", (), share)
+        yield Finding(
+            question=Question.GREY,
+            code="grey-as-authored",
+            message=said,
+            advice="Author colours or textures in the materials.",
+            prims=(),
+            share=share,
+        )
 
 
 def grey_share(seen: Examined) -> float | None:
@@ -166,7 +182,14 @@ def _unbound(seen: Examined) -> Iterator[Finding]:
     said = f"{len(paths):,} shape{'s have' if len(paths) > 1 else ' has'} neither a material nor a displayColor: 18 % grey"
     advice = "Bind a material (MaterialBindingAPI) that has a surface, or author primvars:displayColor."
     most = sorted(paths, key=lambda path: -int(np.isin(seen.prims, _numbers_of(seen, {path})).sum()))
-    yield Finding(Question.GREY, "no-material", f"{said}{_share_text(share)}.", advice, tuple(most), share)
+    yield Finding(
+        question=Question.GREY,
+        code="no-material",
+        message=f"{said}{_share_text(share)}.",
+        advice=advice,
+        prims=tuple(most),
+        share=share,
+    )
 
 
 def _by_material(seen: Examined) -> Iterator[Finding]:
@@ -183,7 +206,7 @@ def _by_material(seen: Examined) -> Iterator[Finding]:
         more = f" (and {len(messages) - 1:,} more)" if len(messages) > 1 else ""
         said = f"{messages[0].rstrip('.')}{more}{_share_text(share)}."
         question = Question.DARK if _is_black(seen, where) else Question.GREY
-        yield Finding(question, code, said, CODES[code].advice, prims, share)
+        yield Finding(question=question, code=code, message=said, advice=CODES[code].advice, prims=prims, share=share)
 
 
 def _is_black(seen: Examined, where: npt.NDArray[np.bool_]) -> bool:

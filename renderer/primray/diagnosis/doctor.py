@@ -21,7 +21,7 @@ PILOT_S = 3.0
 SMALLEST_TARGET = 1e-30  # below any error that may be asked for, so that the predicted render has no other end
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """Measurements of a stage from a few seconds of rendering, and the findings that follow.
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..settings.written import SettingsValues
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CostEstimate:
     """Measurements of a pilot of a few seconds, and the samples and seconds that it predicts for each target error.
 
@@ -95,4 +95,11 @@ def estimate(
     has_shadow = prepared.ground_shadow is not None
     predictions = tuple(_with_shadow(pilot.predict(target), has_shadow) for target in wanted or usual_targets(pilot))
     row, error = pilot.row, pilot.row.error.of(pilot.metric)
-    return CostEstimate(pilot.metric, row.samples, row.seconds, error, predictions, tuple(diagnostics))
+    return CostEstimate(
+        metric=pilot.metric,
+        samples=row.samples,
+        seconds=row.seconds,
+        error=error,
+        predictions=predictions,
+        diagnostics=tuple(diagnostics),
+    )

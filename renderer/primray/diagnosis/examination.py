@@ -66,7 +66,7 @@ class WatchedSteps(Steps):
         return self.diced, limits
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Examined:
     """Inputs of the findings. `image` has the AOVs of SEEN; it has no samples where the pilot was stopped."""
 
@@ -135,7 +135,18 @@ def examine(scene: str | os.PathLike[str] | Any, settings: RenderSettings, secon
     hidden = usd.undrawn_shapes(stage, settings)
     assert steps.description is not None
     bound = usd.bound_materials(stage, bare_shapes(steps.description))
-    return Examined(usd.stage_facts(stage), hidden, bound, steps, prepared, sampling, image, costs, diagnostics, pilot)
+    return Examined(
+        stage=usd.stage_facts(stage),
+        hidden=hidden,
+        bound=bound,
+        steps=steps,
+        prepared=prepared,
+        sampling=sampling,
+        image=image,
+        costs=costs,
+        diagnostics=diagnostics,
+        pilot=pilot,
+    )
 
 
 def _a_few_samples(prepared: Prepared) -> Sampling:

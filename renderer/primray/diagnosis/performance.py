@@ -75,7 +75,9 @@ def _setting_up(seen: Examined) -> Iterator[Finding]:
         "build": "Instance what is repeated; keep a scene between renders (primray.Scene, primray view).",
     }
     said = f"Setting up takes {total:.1f} s, {longest} {took[longest]:.1f} s of it: {why[longest]()}."
-    yield Finding(Question.SLOW, "set-up", said, advice[longest], (), took[longest] / total)
+    yield Finding(
+        question=Question.SLOW, code="set-up", message=said, advice=advice[longest], prims=(), share=took[longest] / total
+    )
 
 
 def _cages(seen: Examined) -> int:
@@ -115,7 +117,14 @@ def _triangles(seen: Examined) -> Iterator[Finding]:
     told = ", ".join(f"{path} {size / total:.0%}" for size, path in largest)
     said = f"{total:,} triangles are stored for {width * height:,} pixels, most of them in {told}."
     advice = "Use a larger --dicing-rate for surfaces that are diced, a coarser mesh, or instances."
-    yield Finding(Question.SLOW, "many-triangles", said, advice, tuple(path for _, path in largest), largest[0][0] / total)
+    yield Finding(
+        question=Question.SLOW,
+        code="many-triangles",
+        message=said,
+        advice=advice,
+        prims=tuple(path for _, path in largest),
+        share=largest[0][0] / total,
+    )
 
 
 def _memory(seen: Examined) -> Iterator[Finding]:
@@ -123,7 +132,7 @@ def _memory(seen: Examined) -> Iterator[Finding]:
     if has is not None and needs > 0.9 * has:
         said = f"The render needs about {_megabytes(needs)}; this machine has {_megabytes(has)}, and swaps beyond that."
         advice = "Use smaller textures, fewer triangles (--dicing-rate), or a machine with more memory."
-        yield Finding(Question.SLOW, "memory", said, advice, (), needs / has)
+        yield Finding(question=Question.SLOW, code="memory", message=said, advice=advice, prims=(), share=needs / has)
 
 
 def _rays(seen: Examined) -> Iterator[Finding]:
@@ -225,7 +234,9 @@ def _hot_spots(seen: Examined, part: Doubles) -> Iterator[Finding]:
         said += f" (material {material})" if material else ""
         advice = "Causes are rough glass, reflected small lights, or light found by chance: larger lights are less noisy."
         prims = (names[number], *([material] if material else []))
-        yield Finding(Question.SLOW, "hot-spot", f"{said}.", advice, prims, float(errors[number]))
+        yield Finding(
+            question=Question.SLOW, code="hot-spot", message=f"{said}.", advice=advice, prims=prims, share=float(errors[number])
+        )
 
 
 def _fireflies(part: Doubles) -> Iterator[Finding]:
@@ -234,7 +245,7 @@ def _fireflies(part: Doubles) -> Iterator[Finding]:
     if share > FEW_HAVE and part.size >= 1000:
         said = f"{few:,} pixels ({FEW_PIXELS:.1%}) have {share:.0%} of the error: single samples that are very bright."
         advice = "Paths find light by chance: caustics of small lights, or emissive geometry that is no light. Enlarge it."
-        yield Finding(Question.SLOW, "fireflies", said, advice, (), share)
+        yield Finding(question=Question.SLOW, code="fireflies", message=said, advice=advice, prims=(), share=share)
 
 
 def error_of_lights(seen: Examined) -> Mapping[str, float] | None:
@@ -279,7 +290,7 @@ def _lights(seen: Examined, part: Doubles) -> Iterator[Finding]:
     advice = "Make it larger or weaker, restrict its links to what it should light, or check what is in front of it."
     if light.type is LightType.DOME:
         advice = "Portals (UsdLux PortalLight) mark where its light enters; a smoother texture is less noisy."
-    yield Finding(Question.SLOW, "noisy-light", said, advice, (worst,), shares[worst])
+    yield Finding(question=Question.SLOW, code="noisy-light", message=said, advice=advice, prims=(worst,), share=shares[worst])
 
 
 def duration(seconds: float) -> str:

@@ -40,7 +40,16 @@ def diffuse(image: Image, diffusion: Diffusion) -> tuple[Image, dict[str, Any]]:
     pixels, errors = spread_by(psf, image.pixels, image.errors)
     says = asdict(diffusion) | dict(zip(("blades", "blade_rotation_deg"), starburst_aperture(diffusion, *blades), strict=True))
     metadata = {f"diffusion.{name}": value for name, value in says.items()}
-    made = Image(pixels, {}, metadata, camera, image.channels, errors, image.color_space, frame)
+    made = Image(
+        pixels=pixels,
+        report={},
+        metadata=metadata,
+        camera=camera,
+        channels=image.channels,
+        errors=errors,
+        color_space=image.color_space,
+        frame=frame,
+    )
     made = replace(made, file=image.file.beside())
     return made, says | _energy(psf, image.pixels, pixels)
 

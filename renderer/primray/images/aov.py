@@ -103,13 +103,31 @@ def make_aov(
         name = request.name if kind is not None else str(primvar)
         name = name if request.prefix is None else request.prefix
         return Aov(
-            values, channel_names(name, letters, request.name), request.source, meaning, stored, ids or {}, {}, errors, samples
+            values=values,
+            channels=channel_names(name, letters, request.name),
+            source=request.source,
+            meaning=meaning,
+            stored=stored,
+            ids=ids or {},
+            metadata={},
+            errors=errors,
+            samples=samples,
         )
     if errors is not None:
         errors = None if wanted.stored == "uint" else _with_components(errors, wanted.components)
     values = _as_type(_with_components(values, wanted.components), wanted.stored)
     channels = channel_names(request.name if request.prefix is None else request.prefix, wanted.letters, request.name)
-    return Aov(values, channels, request.source, meaning, wanted.stored, ids or {}, {}, errors, samples)
+    return Aov(
+        values=values,
+        channels=channels,
+        source=request.source,
+        meaning=meaning,
+        stored=wanted.stored,
+        ids=ids or {},
+        metadata={},
+        errors=errors,
+        samples=samples,
+    )
 
 
 def channel_names(name: str, letters: tuple[str, ...], alone: str = "") -> tuple[str, ...]:

@@ -143,7 +143,17 @@ def _aov(spec: Any, values: Values) -> Aov:
     count = len(channels) // 2
     if source not in MADE_OF_PICTURE and len(channels) == 2 * count and all(STDERR in c.split(".") for c in channels[count:]):
         channels, (values, errors) = channels[:count], np.split(values, 2, axis=2)
-    return Aov(values, channels, source, meaning, stored, ids, own, errors, samples)
+    return Aov(
+        values=values,
+        channels=channels,
+        source=source,
+        meaning=meaning,
+        stored=stored,
+        ids=ids,
+        metadata=own,
+        errors=errors,
+        samples=samples,
+    )
 
 
 def open_picture(name: str) -> oiio.ImageInput:

@@ -220,12 +220,12 @@ def labels_of_view(
         values = np.array([numbers.get(text, 0) for text in texts], np.uint32)[thing][..., None]
         table = {number: text for text, number in numbers.items()}
         made[request.name] = Aov(
-            values,
-            channel_names(request.name if request.prefix is None else request.prefix, ("",), request.name),
-            request.source,
-            f"labels of {taxonomy_of(request.source)}",
-            "uint",
-            table,
+            values=values,
+            channels=channel_names(request.name if request.prefix is None else request.prefix, ("",), request.name),
+            source=request.source,
+            meaning=f"labels of {taxonomy_of(request.source)}",
+            stored="uint",
+            ids=table,
         )
         says["boxes"][request.name] = _boxes(thing, names, texts)
     return made, says

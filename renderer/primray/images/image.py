@@ -183,7 +183,14 @@ class Image:
         path = check_output_path(path)
         chosen, encoding = (
             self.view_of(view, display, look),
-            Encoding(bit_depth, tuple(half), compression, level, tuple((header or {}).items()), flatten_over),
+            Encoding(
+                bit_depth=bit_depth,
+                half=tuple(half),
+                compression=compression,
+                level=level,
+                header=tuple((header or {}).items()),
+                flatten_over=flatten_over,
+            ),
         )
         stops = 0.0
         if shows_view(path, encoding):

@@ -241,8 +241,17 @@ def load(
     textures = read_textures(description, read_diagnostics, usd.read_asset, Wrap(default_wrap.value))
     made = replace(description, lights=with_read_textures(description.lights, textures, light_diagnostics))
     lit = {file: textures[file] for file in _light_files(description) if file in textures}
-    told = list(read_diagnostics), list(light_diagnostics)
-    return LoadedTextures(description, default_wrap, made, *told, image_sizes(textures), lit, state), textures
+    loaded = LoadedTextures(
+        given=description,
+        default_wrap=default_wrap,
+        made=made,
+        read_diagnostics=list(read_diagnostics),
+        light_diagnostics=list(light_diagnostics),
+        images=image_sizes(textures),
+        of_lights=lit,
+        files=state,
+    )
+    return loaded, textures
 
 
 def _light_files(description: SceneDescription) -> list[TextureFile]:

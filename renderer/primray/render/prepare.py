@@ -152,7 +152,18 @@ def _prepare(
     if any(request.source == "crypto_asset" for request in description.aovs):
         assert scene.record is not None
         assets = usd.assets_of(stage, scene.record.shape_paths)
-    prepared = Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
+    prepared = Prepared(
+        scene=scene,
+        settings=settings,
+        counts=counted,
+        camera=camera,
+        frame=frame,
+        fingerprint=digests,
+        aovs=description.aovs,
+        lights=lights,
+        motion=motion,
+        left_out=left_out,
+    )
     prepared = replace(prepared, asked=asked)
     if file != PLAIN or is_lit_behind(description):
         prepared = replace(prepared, file=replace(file, lit_behind=is_lit_behind(description)))

@@ -30,7 +30,7 @@ STDERR = "stderr"
 LONGEST_SHOWN = 80  # characters of a name in a message
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Product:
     """A picture that a stage's RenderSettings request. No other product of the stage has its `file_name`.
 
@@ -99,13 +99,13 @@ def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[s
     files = _distinct_paths(chosen, notes)
     made = [
         Product(
-            p.path,
-            p.name,
-            file,
-            replace(settings, product=p.path or None),
-            usd.ordered_picture_channels(p, settings),
-            tuple(note for note in notes if note.prim_path == p.path),
-            p.file.view,
+            path=p.path,
+            name=p.name,
+            file_name=file,
+            settings=replace(settings, product=p.path or None),
+            picture=usd.ordered_picture_channels(p, settings),
+            notes=tuple(note for note in notes if note.prim_path == p.path),
+            view=p.file.view,
         )
         for p, file in zip(chosen, files, strict=True)
     ]

@@ -302,7 +302,14 @@ def _backdrop(prepared: Prepared, sampling: Sampling, costs: Costs) -> Backdrop 
             with costs.stage("denoise"):
                 denoised = denoised_shadow(opacity, prepared.settings)
     lit_behind = prepared.file is not None and prepared.file.lit_behind
-    return Backdrop(opacity, background_of(asked), prepared.frame, prepared.scene.rendering_space, denoised, lit_behind)
+    return Backdrop(
+        shadow=opacity,
+        background=background_of(asked),
+        frame=prepared.frame,
+        space=prepared.scene.rendering_space,
+        denoised_shadow=denoised,
+        lit_behind=lit_behind,
+    )
 
 
 def _note_if_worse(image: Image, diagnostics: Diagnostics) -> None:

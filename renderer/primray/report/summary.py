@@ -76,7 +76,7 @@ class LightSummary:
     emission: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Summary:
     """Counts of a scene, and its estimated memory."""
 

@@ -78,7 +78,7 @@ def make_plan(film: Film, tile_errors: Doubles, samples: int, begin: Counts | No
     order = np.argsort(-(value / counts.astype(np.float64) ** 2).ravel(), kind="stable")
     tiles = order % len(begin)
     spent = np.cumsum(counts.ravel()[order] * pixels[tiles])
-    return Plan(samples, begin, tiles, order // len(begin), spent, int(pixels.sum()))
+    return Plan(samples=samples, begin=begin, order=tiles, levels=order // len(begin), spent=spent, pixels=int(pixels.sum()))
 
 
 def tile_pixels(film: Film) -> Counts:

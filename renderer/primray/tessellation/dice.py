@@ -294,16 +294,16 @@ def _mesh(cage: SubdivisionMesh, made: DicedCage) -> Mesh:
     if points == 3 * len(triangles) == len(normals) and rows is None:  # lengths must be unambiguous (description.Mesh)
         normals, rows = normals[triangles.ravel()], triangles.ravel()
     return Mesh(
-        cage.path,
-        made.points,
-        triangles,
-        normals,
-        None if colors is None else _colors(colors, triangles, points),
-        surface,
-        tuple(primvars[id(p)] for p in cage.primvars),
-        cage.light,
-        cage.link_row,
-        None if cage.motion is None else _motion(cage.motion, made, rows),
+        path=cage.path,
+        points=made.points,
+        triangles=triangles,
+        normals=normals,
+        colors=None if colors is None else _colors(colors, triangles, points),
+        surface=surface,
+        primvars=tuple(primvars[id(p)] for p in cage.primvars),
+        light=cage.light,
+        link_row=cage.link_row,
+        motion=None if cage.motion is None else _motion(cage.motion, made, rows),
     )
 
 

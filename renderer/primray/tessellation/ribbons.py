@@ -100,7 +100,14 @@ def _rows(ribbons: Ribbons, quads: Ints) -> _Rows:
     within = np.arange(len(segment)) - np.repeat(np.cumsum(rows) - rows, rows)
     quad_row = np.flatnonzero(within < quads[segment])
     u = within / quads[segment]
-    return _Rows(segment, u, first_controls(ribbons)[segment], run[segment], quad_row, segment[quad_row])
+    return _Rows(
+        segment=segment,
+        u=u,
+        first=first_controls(ribbons)[segment],
+        curve=run[segment],
+        quad_row=quad_row,
+        quad_segment=segment[quad_row],
+    )
 
 
 def strip(ribbons: Ribbons, quads: Ints) -> Mesh:
@@ -121,16 +128,16 @@ def strip(ribbons: Ribbons, quads: Ints) -> Mesh:
         normals = normals[triangles.ravel()]
         motion = motion and replace(motion, normals=motion.normals[:, triangles.ravel()])  # type: ignore[index]
     return Mesh(
-        ribbons.path,
-        points,
-        triangles,
-        normals,
-        None,
-        worn if isinstance(worn, int) else np.asarray(worn)[per_triangle].astype(np.int32),
-        tuple(_primvar(p, ribbons, rows, rows.curve[np.repeat(quad_row, 2)]) for p in ribbons.primvars),
-        ribbons.light,
-        ribbons.link_row,
-        motion,
+        path=ribbons.path,
+        points=points,
+        triangles=triangles,
+        normals=normals,
+        colors=None,
+        surface=worn if isinstance(worn, int) else np.asarray(worn)[per_triangle].astype(np.int32),
+        primvars=tuple(_primvar(p, ribbons, rows, rows.curve[np.repeat(quad_row, 2)]) for p in ribbons.primvars),
+        light=ribbons.light,
+        link_row=ribbons.link_row,
+        motion=motion,
     )
 
 

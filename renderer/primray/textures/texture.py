@@ -138,13 +138,21 @@ def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str], defa
         space = _space_of(file, is_srgb(spec, path))
         turned = spec.getattribute("Orientation") not in (None, 0, 1)
         around = environment_of(spec)
-        wraps = wraps_of(spec, default_wrap)
+        wrap_s, wrap_t = wraps_of(spec, default_wrap)
         if stored.dtype.kind == "u" and isinstance(space, ColorSpace) and (space.is_linear or _has_srgb_curve(space)):
             mixing = matrix(space, file.target) if file.is_color and layout.colors == 3 else None
-            return Texture(stored, 0 if space.is_linear else layout.colors, mixing, 0, *wraps, turned, around)
+            return Texture(
+                stored=stored,
+                srgb_channels=0 if space.is_linear else layout.colors,
+                to_target=mixing,
+                wrap_s=wrap_s,
+                wrap_t=wrap_t,
+                turned=turned,
+                environment=around,
+            )
         pixels = _linear(stored, layout.colors, space, file, shown)
         bad = _clear_bad(pixels) if stored.dtype.kind == "f" else 0
-        return Texture(pixels, 0, None, bad, *wraps, turned, around)
+        return Texture(stored=pixels, bad_texels=bad, wrap_s=wrap_s, wrap_t=wrap_t, turned=turned, environment=around)
     finally:
         image.close()
 

@@ -27,7 +27,7 @@ SOON_S = 30  # retry delay for quotas that free up whenever a job ends or someth
 BUCKETS_KEPT = 10_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Allowance:
     """State of a token bucket as answers report it (draft-ietf-httpapi-ratelimit-headers-10)."""
 
@@ -77,7 +77,14 @@ class RequestRates:
             if len(self._buckets) > BUCKETS_KEPT:
                 self._forget_full(now, rate, burst)
         wait = 0 if is_allowed else max(1, math.ceil((1.0 - tokens) / rate))
-        return Allowance(is_allowed, burst, rate, int(tokens), math.ceil((burst - tokens) / rate), wait)
+        return Allowance(
+            is_allowed=is_allowed,
+            limit=burst,
+            per_s=rate,
+            remaining=int(tokens),
+            reset_s=math.ceil((burst - tokens) / rate),
+            retry_after_s=wait,
+        )
 
     def _forget_full(self, now: float, rate: float, burst: int) -> None:
         """Drop buckets that have had time to fill up: a full bucket and no bucket are equivalent."""

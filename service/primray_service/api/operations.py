@@ -64,14 +64,14 @@ def operations(document: Document) -> Iterator[Operation]:
     for path, methods in document["paths"].items():
         for method, one in methods.items():
             yield Operation(
-                method.upper(),
-                path,
-                one["operationId"],
-                one["tags"][0],
-                one.get("description", ""),
-                tuple(_parameter(each) for each in one.get("parameters", ())),
-                tuple(_body(kind, each) for kind, each in one.get("requestBody", {}).get("content", {}).items()),
-                tuple(_answer(document, status, each) for status, each in one["responses"].items()),
+                method=method.upper(),
+                path=path,
+                key=one["operationId"],
+                tag=one["tags"][0],
+                text=one.get("description", ""),
+                parameters=tuple(_parameter(each) for each in one.get("parameters", ())),
+                bodies=tuple(_body(kind, each) for kind, each in one.get("requestBody", {}).get("content", {}).items()),
+                answers=tuple(_answer(document, status, each) for status, each in one["responses"].items()),
             )
 
 

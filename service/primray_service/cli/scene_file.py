@@ -65,7 +65,7 @@ def scene_file(scene: Path, scratch: Path) -> SceneFile:
     target = scratch / f"{scene.stem}.zip"
     members = {Path(file).relative_to(root).as_posix(): Path(file) for file in found.files}
     entry = Path(found.files[0]).relative_to(root).as_posix()
-    return SceneFile(target, target.name, entry, len(found.files), notes, members)
+    return SceneFile(path=target, name=target.name, entry=entry, files=len(found.files), notes=notes, members=members)
 
 
 def with_images(sent: SceneFile, scratch: Path, images: Mapping[str, Path]) -> tuple[SceneFile, dict[str, str]]:

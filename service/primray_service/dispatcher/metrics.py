@@ -32,7 +32,7 @@ class Timings:
         return sum(self.counts)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Metrics:
     frames_started: int = 0
     # By the frame's state, or for failed ones by the problem's slug: "succeeded", "canceled", "memory-limit", ...

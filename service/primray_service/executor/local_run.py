@@ -212,7 +212,19 @@ class Run:
             return
         self._process.exit.remove_done_callback(self._on_exit)
         tail, log_file = self._process.log.tail(), self._worker.next_log()
-        self._end(Ended("exited", 0, None, self.folder, max(cpu_s, 0.0), self._peak_bytes, tail, log_file, lives=True))
+        self._end(
+            Ended(
+                reason="exited",
+                exit_code=0,
+                signal=None,
+                folder=self.folder,
+                cpu_s=max(cpu_s, 0.0),
+                peak_rss_bytes=self._peak_bytes,
+                log=tail,
+                log_file=log_file,
+                lives=True,
+            )
+        )
         self._on_stay(self._worker)
 
     def _on_exit(self, found: asyncio.Future[Exit]) -> None:
@@ -224,7 +236,19 @@ class Run:
             peak = max(peak, end.max_rss_bytes)
         cpu_s = max(end.cpu_s, self._used.cpu_s) - self._cpu_before_s
         log = self._process.log
-        self._end(Ended(reason, code, number, self.folder, max(cpu_s, 0.0), peak, log.tail(), log.path, self._said))
+        self._end(
+            Ended(
+                reason=reason,
+                exit_code=code,
+                signal=number,
+                folder=self.folder,
+                cpu_s=max(cpu_s, 0.0),
+                peak_rss_bytes=peak,
+                log=log.tail(),
+                log_file=log.path,
+                protocol_error=self._said,
+            )
+        )
 
     def _end(self, ended: Ended) -> None:
         self.ended.set_result(ended)

@@ -27,7 +27,7 @@ INHERITED = ("PRIMRAY_ISA",)
 PLAN = "PRIMRAY_SANDBOX"  # environment variable with the plan for `enter`
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Spawn:
     argv: list[str]
     env: dict[str, str]
@@ -66,7 +66,7 @@ def worker_spawn(
     command = [sys.executable, "-I", "-B", *program]
     argv = bubblewrap.wrap(slot, env, command, (*luts, *roots)) if wrapped else command
     # bubblewrap's own environment is empty, so that nothing can be read from /proc.
-    return Spawn(argv, {} if wrapped else env, "/", job, out, wrapped)
+    return Spawn(argv=argv, env={} if wrapped else env, cwd="/", job=job, out=out, wrapped=wrapped)
 
 
 def _environment(out: str, threads: int) -> dict[str, str]:

@@ -137,7 +137,17 @@ def _row(manifest: Manifest, tenant: str, now: float) -> Scene:
     scene's."""
     own = len(manifest.text) + manifest.joined_bytes
     state = SceneState.CHECKING
-    return Scene(manifest.scene_id, tenant, state, "zip", manifest.name, manifest.bytes, own, now, now)
+    return Scene(
+        id=manifest.scene_id,
+        tenant=tenant,
+        state=state,
+        kind="zip",
+        name=manifest.name,
+        bytes=manifest.bytes,
+        stored_bytes=own,
+        created_at=now,
+        used_at=now,
+    )
 
 
 def _put_together(manifest: Manifest, tenant: str, staged: Path, data: DataDirectory, limits: Limits) -> None:

@@ -114,4 +114,16 @@ def _text(files: Sequence[FileOfPackage]) -> bytes:
 
 def _member(file: FileOfPackage) -> Member:
     raw = file.path.encode()
-    return Member(raw, file.path, 0, STORED, 0, file.bytes, file.bytes, 0, 0, 0, 0)
+    return Member(
+        raw_name=raw,
+        name=file.path,
+        flags=0,
+        method=STORED,
+        crc=0,
+        packed_bytes=file.bytes,
+        bytes=file.bytes,
+        unix_mode=0,
+        dos_attributes=0,
+        header_at=0,
+        data_at=0,
+    )

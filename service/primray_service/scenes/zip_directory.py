@@ -129,7 +129,19 @@ def _members(file: BinaryIO, directory: bytes, count: int, directory_at: int) ->
         if header_at + 30 > directory_at:
             raise unsafe("The member's offset is outside the file.", name)
         mode = attributes >> 16 if made_by in (3, 19) or attributes >> 16 else 0  # Unix, macOS, or with a mode all the same
-        member = Member(raw_name, name, flags, method, crc, packed, size, mode, attributes & 0xFF, header_at, 0)
+        member = Member(
+            raw_name=raw_name,
+            name=name,
+            flags=flags,
+            method=method,
+            crc=crc,
+            packed_bytes=packed,
+            bytes=size,
+            unix_mode=mode,
+            dos_attributes=attributes & 0xFF,
+            header_at=header_at,
+            data_at=0,
+        )
         yield _with_local_header(file, member, directory_at)
         at = end
     if at != len(directory):

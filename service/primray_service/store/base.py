@@ -37,7 +37,7 @@ class KeyReused(Exception):
     """The idempotency key came with another request before."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ApiKey:
     id: str
     tenant: str

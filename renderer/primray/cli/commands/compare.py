@@ -77,7 +77,19 @@ def compare(
     """Report whether a picture has changed. Exit code 0: unchanged, 1: changed, 6: more samples needed, 2: usage error."""
     from ...compare.sequences import pairing
 
-    asked = Asked(a, b, alpha, tolerance, tile, names_of(aovs), difference, report, json, bool(metric), allow_bias)
+    asked = Asked(
+        a=a,
+        b=b,
+        alpha=alpha,
+        tolerance=tolerance,
+        tile=tile,
+        aovs=names_of(aovs),
+        difference=difference,
+        report=report,
+        json=json,
+        with_flip=bool(metric),
+        allow_bias=allow_bias,
+    )
     try:
         found = pairing(a, b)
         code = EXIT_CODES[_compare_pictures(asked)] if found is None else _compare_pairs(asked, found)

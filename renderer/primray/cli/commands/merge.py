@@ -44,13 +44,13 @@ def merge(
     from ...render.frames import name_of_frame
 
     looks = Looks(
-        json,
-        verbose,
-        view,
-        display,
-        look,
-        exposure_of(exposure),
-        make_output_path,
+        as_json=json,
+        verbose=verbose,
+        view=view,
+        display=display,
+        look=look,
+        exposure=exposure_of(exposure),
+        make_folders=make_output_path,
         encoding=encoding_of(bit_depth, half, compression, metadata),
     )
     check_outputs(outputs, report, looks)

@@ -121,13 +121,13 @@ def render(
     values["aovs"] = option_values.aovs_of(aovs) if by_product else option_values.aovs_for(aovs, _files_of(names))
     settings = RenderSettings(**values, time_code=time_codes[0] if time_codes else None)
     looks = Looks(
-        json,
-        verbose,
-        option_values.view_of(view, color_correction),
-        display,
-        look,
-        option_values.exposure_of(exposure),
-        make_output_path,
+        as_json=json,
+        verbose=verbose,
+        view=option_values.view_of(view, color_correction),
+        display=display,
+        look=look,
+        exposure=option_values.exposure_of(exposure),
+        make_folders=make_output_path,
         encoding=option_values.encoding_of(bit_depth, half, compression, metadata),
         names_space=settings.rendering_color_space is not None,
     )

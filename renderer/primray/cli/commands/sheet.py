@@ -90,7 +90,15 @@ def sheet(
         raise SettingsError("width, samples, simultaneous renders, columns and the time limit must be above 0")
     further, own_width = _checked(flags or [])
     memory = option_values.bytes_of(max_memory_bytes) or 0
-    limits = Limits(own_width or image_width, spp, timeout, memory, threads, further, own_width is not None)
+    limits = Limits(
+        width=own_width or image_width,
+        spp=spp,
+        timeout_s=timeout,
+        memory_bytes=memory,
+        threads=threads,
+        flags=further,
+        sized_by_flags=own_width is not None,
+    )
     if Path(source).is_dir():
         if frames is not None or cameras or variants or columns:
             sentence = "frames, cameras, variants and columns are for the sheet of one stage, but this is a folder"

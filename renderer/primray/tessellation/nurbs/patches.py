@@ -97,7 +97,7 @@ def _all_primvars(patch: NurbsPatch) -> list[Primvar]:
     return [*([patch.colors] if patch.colors is not None else []), *patch.primvars]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Vertices:
     """Vertices of a grid, row by row, followed by those on trim loops."""
 
@@ -115,7 +115,7 @@ class _Vertices:
         inside = np.zeros((0, 2), np.intp) if cut is None else cut.inside
         spans = np.stack([u.spans[inside[:, 0]], v.spans[inside[:, 1]]], axis=1)
         single = bases(u.direction, spans[:, 0], at[:, 0]), bases(v.direction, spans[:, 1], at[:, 1])
-        return _Vertices(u, v, u.bases(), v.bases(), spans, at, single)
+        return _Vertices(u=u, v=v, u_bases=u.bases(), v_bases=v.bases(), loop_spans=spans, loop_at=at, loop_bases=single)
 
     def surface(self, control: Control) -> tuple[Doubles, Doubles]:
         """Return points and unit normals (N, 3)."""
@@ -198,22 +198,30 @@ def _mesh(patch: NurbsPatch, controls: Sequence[Control], u: Lines, v: Lines, cu
         steps = np.stack([p[used] for p in points[1:]])
         motion = PointMotion(patch.motion.times, np.ascontiguousarray(steps), np.stack(normals[1:]))
     return Mesh(
-        patch.path,
-        np.ascontiguousarray(points[0][used]),
-        triangles,
-        normals[0],
-        None if patch.colors is None else rows.colors(_on_mesh(patch.colors, patch, vertices, rows)),
-        patch.surface,
-        tuple(_on_mesh(p, patch, vertices, rows) for p in patch.primvars),
-        patch.light,
-        patch.link_row,
-        motion,
+        path=patch.path,
+        points=np.ascontiguousarray(points[0][used]),
+        triangles=triangles,
+        normals=normals[0],
+        colors=None if patch.colors is None else rows.colors(_on_mesh(patch.colors, patch, vertices, rows)),
+        surface=patch.surface,
+        primvars=tuple(_on_mesh(p, patch, vertices, rows) for p in patch.primvars),
+        light=patch.light,
+        link_row=patch.link_row,
+        motion=motion,
     )
 
 
 def _empty(patch: NurbsPatch) -> Mesh:
     return Mesh(
-        patch.path, patch.points, np.zeros((0, 3), np.int32), None, None, patch.surface, (), patch.light, patch.link_row
+        path=patch.path,
+        points=patch.points,
+        triangles=np.zeros((0, 3), np.int32),
+        normals=None,
+        colors=None,
+        surface=patch.surface,
+        primvars=(),
+        light=patch.light,
+        link_row=patch.link_row,
     )
 
 

@@ -119,7 +119,7 @@ def _card(plate: Plate, conformed: Camera | None, when: When) -> Card:
         left, right, bottom, top = conformed.window
         flat = conformed.projection is Projection.ORTHOGRAPHIC
     scale = 1.0 if flat else away
-    return Card(left * scale, right * scale, bottom * scale, top * scale, away, flat)
+    return Card(left=left * scale, right=right * scale, bottom=bottom * scale, top=top * scale, away=away, flat=flat)
 
 
 def _shape(plate: Plate, card: Card, when: When, diagnostics: Diagnostics) -> Relief:
@@ -281,7 +281,7 @@ class _Nodes:
 MOST_TEXELS = 1 << 21  # larger images are subsampled: every second, third ... texel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Card:
     """A plate without depth: its sides at the distance `away`, in scene units; `flat` if rays are parallel."""
 

@@ -135,20 +135,20 @@ def read_camera(
     exposure_scale = _exposure_scale(prim, when, diagnostics)
     report_unknown_lens_names(prim, diagnostics)
     return Camera(
-        path,
-        _world_from_camera(prim, then, diagnostics),
-        Projection.ORTHOGRAPHIC if orthographic else Projection.PERSPECTIVE,
-        window,
-        clipping_range(prim, then, orthographic, diagnostics),
-        lens.radius,
-        lens.focus_distance,
-        0.0 if shutter is None else exposure_scale,
-        lens.blades,
-        lens.rotation_deg,
-        clipping_planes(prim, when, diagnostics),
-        shutter or INSTANT,
-        read_diffusion(prim, lens, then, diagnostics),
-        distortion,
+        path=path,
+        world_from_camera=_world_from_camera(prim, then, diagnostics),
+        projection=Projection.ORTHOGRAPHIC if orthographic else Projection.PERSPECTIVE,
+        window=window,
+        clipping_range=clipping_range(prim, then, orthographic, diagnostics),
+        lens_radius=lens.radius,
+        focus_distance=lens.focus_distance,
+        exposure_scale=0.0 if shutter is None else exposure_scale,
+        blades=lens.blades,
+        blade_rotation_deg=lens.rotation_deg,
+        clipping_planes=clipping_planes(prim, when, diagnostics),
+        shutter=shutter or INSTANT,
+        diffusion=read_diffusion(prim, lens, then, diagnostics),
+        distortion=distortion,
     )
 
 

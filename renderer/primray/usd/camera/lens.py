@@ -214,10 +214,8 @@ def read_diffusion(prim: Usd.Prim, lens: Lens, when: When, diagnostics: Diagnost
             "out-of-range", str(prim.GetPath()), f"{sentence}: defaults are used.", f"{LENS_PREFIX}diffusion:starburst"
         )
         values |= {"glare": NO_DIFFUSION.glare, "starburst": NO_DIFFUSION.starburst}
-    strength, glare, bloom_width, starburst, starburst_width = values.values()
-    return Diffusion(
-        strength, glare, bloom_width, starburst, starburst_width, *_starburst_aperture(prim, lens, when, diagnostics)
-    )
+    blades, rotation_deg = _starburst_aperture(prim, lens, when, diagnostics)
+    return Diffusion(**values, blades=blades, blade_rotation_deg=rotation_deg)
 
 
 def _diffusion_number(prim: Usd.Prim, name: str, member: str, when: When, diagnostics: Diagnostics) -> float:

@@ -139,9 +139,26 @@ def make_curves(prim: ResolvedPrim, geometry: CurveGeometry, ctx: Context) -> Cu
     if not geometry.radii.any() and (motion is None or not motion.points[..., 3].any()):
         return None
     if geometry.normals is None:
-        return Curves(prim.path, controls, segments, number, curves.closed, curves.joined, primvars, motion=motion)
+        return Curves(
+            path=prim.path,
+            controls=controls,
+            segments=segments,
+            surface=number,
+            closed=curves.closed,
+            joined=curves.joined,
+            primvars=primvars,
+            motion=motion,
+        )
     motion = None if motion is None else ribbon_motion(motion, geometry.normals)
-    return Ribbons(prim.path, controls, geometry.normals, segments, number, primvars, motion=motion)
+    return Ribbons(
+        path=prim.path,
+        controls=controls,
+        normals=geometry.normals,
+        segments=segments,
+        surface=number,
+        primvars=primvars,
+        motion=motion,
+    )
 
 
 def _with_display_color(appearance: Appearance) -> Appearance:

@@ -60,12 +60,12 @@ def basis_curves(counts: Ints, points: int, good: Mask, kind: str, basis: str, w
         corners = start + local
     is_linear = kind == "linear"
     return CurveSet(
-        sizes,
-        drawn,
-        segments,
-        corners,
-        EVENLY if is_linear else TO_BEZIER[basis],
-        ends,
+        sizes=sizes,
+        drawn=drawn,
+        segments=segments,
+        corners=corners,
+        to_bezier=EVENLY if is_linear else TO_BEZIER[basis],
+        ends=ends,
         closed=closed,
         joined=is_linear or basis == BEZIER,
         pinned=phantoms,

@@ -22,7 +22,7 @@ Ints = npt.NDArray[np.integer[Any]]
 EVENLY = np.array([[1.0, 0.0], [2 / 3, 1 / 3], [1 / 3, 2 / 3], [0.0, 1.0]])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class CurveSet:
     """Drawn curves (C) with their segments (S in all) and the mapping from authored values."""
 

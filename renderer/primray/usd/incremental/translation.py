@@ -33,7 +33,7 @@ from .updates import LeafUpdates, MaterialUpdates, moved_leaves
 _CODES_WITHOUT_PRIM = frozenset({"usd-message", "wrong-type"})
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Translated:
     """A translation with all that it was made from, kept up to date."""
 

@@ -48,7 +48,7 @@ class Node:
     is_instanceable: bool = False
 
 
-@dataclass
+@dataclass(kw_only=True)
 class LayerContent:
     asset_paths: list[str]  # everything that names a file, once each, in order
     expressions: list[str]  # as written between backticks; their values with the layer's own variables are in asset_paths
@@ -78,15 +78,15 @@ def layer_content(path: str, name: str) -> LayerContent:
         composition = {_without_arguments(path) for path in layer.GetCompositionAssetDependencies()}
         paths, expressions = _asset_paths(layer, name)
         return LayerContent(
-            paths,
-            expressions,
-            composition,
-            has_variables,
-            found.identifiers,
-            sublayers,
-            layer_default_prim(layer),
-            found.root,
-            found.depth,
+            asset_paths=paths,
+            expressions=expressions,
+            composition=composition,
+            has_variables=has_variables,
+            identifiers=found.identifiers,
+            sublayers=sublayers,
+            default_prim=layer_default_prim(layer),
+            root=found.root,
+            depth=found.depth,
         )
 
 

@@ -170,7 +170,9 @@ def _instances(prim: ResolvedPrim, positions: npt.NDArray[Any], ctx: Context) ->
     scales = _per_instance(prim, "scales", 3, count, ctx)
     names = Names(prim.path, numbers=np.arange(count, dtype=np.int32)) if ctx.names_instances else None
     outer, primvars = prim.group_from_prim[:3], instance_primvars(prim, count, ctx)
-    return PointInstances(outer, positions, quaternions, scales, primvars, names)
+    return PointInstances(
+        outer=outer, positions=positions, orientations=quaternions, scales=scales, primvars=primvars, names=names
+    )
 
 
 def _finite(instances: PointInstances) -> npt.NDArray[np.bool_]:

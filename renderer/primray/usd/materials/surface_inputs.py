@@ -111,8 +111,17 @@ class Reducer:
         channels, st = inputs["channels"], self._coordinates(inputs["st"])
         if st is None or len(channels) != width:
             return None
-        wraps = Wrap(inputs["wrapS"]), Wrap(inputs["wrapT"])
-        return TextureInput(inputs["file"], channels, *st, *wraps, inputs["fallback"], inputs["scale"], inputs["bias"])
+        return TextureInput(
+            file=inputs["file"],
+            channels=channels,
+            st=st[0],
+            st_transform=st[1],
+            wrap_s=Wrap(inputs["wrapS"]),
+            wrap_t=Wrap(inputs["wrapT"]),
+            fallback=inputs["fallback"],
+            scale=inputs["scale"],
+            bias=inputs["bias"],
+        )
 
     def _texture(self, found: _Scaled, width: int) -> TextureInput | None:
         """Return scaled texels as a texture input, None where that is not possible."""
@@ -134,8 +143,8 @@ class Reducer:
             index = "rgba".index(place)
             scale[index], bias[index], fallback[index] = s, b, d
         return TextureInput(
-            file, channels, st[0], st[1], wraps[0], wraps[1],
-            tuple(fallback), tuple(scale), tuple(bias),  # type: ignore[arg-type]
+            file=file, channels=channels, st=st[0], st_transform=st[1], wrap_s=wraps[0], wrap_t=wraps[1],
+            fallback=tuple(fallback), scale=tuple(scale), bias=tuple(bias),  # type: ignore[arg-type]
         )  # fmt: skip
 
     def _four(self, inputs: dict[str, Operand], name: str) -> Numbers:

@@ -23,7 +23,7 @@ from ..stage.reads import normals_interpolation
 from ..stage.values import When, array, read, token, value
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class AuthoredSubdivision:
     """Attributes that only subdivision surfaces use; point indices are as authored."""
 
@@ -54,7 +54,7 @@ class SurfaceElements(Protocol):
         """Return the element (F,) that each surface face belongs to, or -1."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class AuthoredMesh:
     path: str
     points: Floats | None  # (N, 3) float32, object space, scene units
@@ -76,16 +76,16 @@ def read_mesh(prim: ResolvedPrim, when: When) -> AuthoredMesh:
     indices = array(read(prim.prim, "faceVertexIndices", when), 1, "i")
     points = read(prim.prim, "points", when)
     return AuthoredMesh(
-        prim.path,
-        _points(points),
-        points is not None,
-        counts,
-        indices,
-        _array(prim, "holeIndices", when, "i"),
-        _token(prim, "orientation", when) == "leftHanded",
-        scheme,
-        read_normals(prim, when) if scheme == "none" else None,
-        None if scheme == "none" else _subdivision(prim, when),
+        path=prim.path,
+        points=_points(points),
+        has_points=points is not None,
+        counts=counts,
+        indices=indices,
+        holes=_array(prim, "holeIndices", when, "i"),
+        is_left_handed=_token(prim, "orientation", when) == "leftHanded",
+        scheme=scheme,
+        normals=read_normals(prim, when) if scheme == "none" else None,
+        subdivision=None if scheme == "none" else _subdivision(prim, when),
     )
 
 
@@ -110,14 +110,14 @@ def _subdivision(prim: ResolvedPrim, when: When) -> AuthoredSubdivision:
     if prim.names.isdisjoint(_SUBDIVISION):
         return _NO_SUBDIVISION
     return AuthoredSubdivision(
-        _token(prim, "interpolateBoundary", when),
-        _token(prim, "faceVaryingLinearInterpolation", when),
-        _token(prim, "triangleSubdivisionRule", when),
-        _integers(prim, "creaseLengths", when),
-        _integers(prim, "creaseIndices", when),
-        _array(prim, "creaseSharpnesses", when, "f"),
-        _integers(prim, "cornerIndices", when),
-        _array(prim, "cornerSharpnesses", when, "f"),
+        boundary=_token(prim, "interpolateBoundary", when),
+        face_varying=_token(prim, "faceVaryingLinearInterpolation", when),
+        triangle_rule=_token(prim, "triangleSubdivisionRule", when),
+        crease_lengths=_integers(prim, "creaseLengths", when),
+        crease_points=_integers(prim, "creaseIndices", when),
+        crease_sharpnesses=_array(prim, "creaseSharpnesses", when, "f"),
+        corner_points=_integers(prim, "cornerIndices", when),
+        corner_sharpnesses=_array(prim, "cornerSharpnesses", when, "f"),
     )
 
 
@@ -141,7 +141,7 @@ LARGEST = np.float32(1e37)  # largest coordinate: sums of a few, as subdivision 
 SHARED_CORNERS = 1024  # meshes with more corners are rarely alike, and hashing them costs too much
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Faces:
     """Consistent faceVertexCounts and faceVertexIndices. Small ones are one object for all meshes with the same faces; `made`
     caches what is derived from the faces alone."""
@@ -205,7 +205,9 @@ def _checked_faces(counts: Ints, indices: Ints, path: str, ctx: Context) -> Face
         )
         return None
     low, high = (int(indices.min()), int(indices.max())) if len(indices) else (0, -1)
-    return Faces(counts, indices, low, high, least >= 3, len(indices) <= SHARED_CORNERS)
+    return Faces(
+        counts=counts, indices=indices, low=low, high=high, has_area=least >= 3, is_shared=len(indices) <= SHARED_CORNERS
+    )
 
 
 def usable_faces(topology: Topology, path: str, ctx: Context, named: str = "faceVertexIndices") -> tuple[Floats, Flags | None]:

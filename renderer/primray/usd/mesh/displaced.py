@@ -29,12 +29,12 @@ def bilinear_cage(polygons: Polygons) -> tuple[Cage, SeamPrimvar | None]:
     first = rows[np.cumsum(counts) - counts]
     motion = polygons.motion
     found = Cage(
-        polygons.points,
-        counts,
-        face_points,
-        triangles.faces[first // 3],
-        triangles.corners.ravel()[rows].astype(np.int32),
-        polygons.sizes,
+        points=polygons.points,
+        face_counts=counts,
+        face_points=face_points,
+        faces=triangles.faces[first // 3],
+        corners=triangles.corners.ravel()[rows].astype(np.int32),
+        sizes=polygons.sizes,
         holes=None,
         creases=None,
         corner_points=None,

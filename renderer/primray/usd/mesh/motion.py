@@ -20,7 +20,7 @@ from .polygons import PolygonMotion, Polygons, Values, normals_of
 from .subdivision import Cage
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MeshPath:
     """Motion of a shape's points. Offsets from the frame include motion:blurScale."""
 
@@ -49,7 +49,7 @@ def path_of_points(prim: ResolvedPrim, ctx: Context, *, has_normals: bool = Fals
     times = {*(points.times if points else ()), *bend_times(turning, ctx.when, ctx.timing)}
     normals = (lambda offset: read_normals(prim, ctx.when.after(offset))) if turning else None
     here = 0.0 if ctx.timing.is_open else scale * ctx.timing.opens
-    return MeshPath(prim, points, normals, tuple(sorted(times)), here, scale)
+    return MeshPath(prim=prim, points=points, normals=normals, times=tuple(sorted(times)), here=here, blur_scale=scale)
 
 
 def with_points(authored: AuthoredMesh, path: MeshPath, offset: float) -> AuthoredMesh:

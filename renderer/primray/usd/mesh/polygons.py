@@ -155,7 +155,16 @@ def make_mesh(
     array_of_normals = None if normals is None else normals.array
     array_of_colors = None if colors is None else colors.array
     at_seam = None if motion is None else motion.at_seam
-    return Mesh(path, points, triangles, array_of_normals, array_of_colors, surface, primvars, motion=at_seam)
+    return Mesh(
+        path=path,
+        points=points,
+        triangles=triangles,
+        normals=array_of_normals,
+        colors=array_of_colors,
+        surface=surface,
+        primvars=primvars,
+        motion=at_seam,
+    )
 
 
 def values_of_triangles(values: Values | None, keep: npt.NDArray[np.bool_]) -> Values | None:

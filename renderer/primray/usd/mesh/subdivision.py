@@ -79,20 +79,20 @@ def make_cage(mesh: AuthoredMesh, authored: AuthoredSubdivision, topology: Topol
     creases = _creases(authored, len(points), path, ctx)
     tips, sharpnesses = _sharp_points(authored, len(points), path, ctx)
     return Cage(
-        points,
-        kept.counts,
-        kept.points,
-        kept.faces,
-        kept.corners,
-        sizes,
-        _holes(mesh, sizes.faces, kept.faces, ctx),
-        creases,
-        tips,
-        sharpnesses,
-        _scheme(mesh.scheme, kept.counts, path, ctx),
-        _known_token(authored.boundary, "interpolateBoundary", BOUNDARIES, path, ctx),
-        _known_token(authored.face_varying, "faceVaryingLinearInterpolation", FACE_VARYING_RULES, path, ctx),
-        _known_token(authored.triangle_rule, "triangleSubdivisionRule", TRIANGLE_RULES, path, ctx),
+        points=points,
+        face_counts=kept.counts,
+        face_points=kept.points,
+        faces=kept.faces,
+        corners=kept.corners,
+        sizes=sizes,
+        holes=_holes(mesh, sizes.faces, kept.faces, ctx),
+        creases=creases,
+        corner_points=tips,
+        corner_sharpnesses=sharpnesses,
+        scheme=_scheme(mesh.scheme, kept.counts, path, ctx),
+        boundary=_known_token(authored.boundary, "interpolateBoundary", BOUNDARIES, path, ctx),
+        face_varying=_known_token(authored.face_varying, "faceVaryingLinearInterpolation", FACE_VARYING_RULES, path, ctx),
+        triangle_rule=_known_token(authored.triangle_rule, "triangleSubdivisionRule", TRIANGLE_RULES, path, ctx),
     )
 
 

@@ -65,16 +65,16 @@ def read_tet_mesh(prim: ResolvedPrim, ctx: Context) -> AuthoredMesh | None:
     is_left_handed = "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "") == "leftHanded"
     faces = surface[:, ::-1] if from_tets and is_left_handed else surface
     return AuthoredMesh(
-        prim.path,
-        points.astype(np.float32, copy=False),
-        True,
-        np.full(len(faces), 3, np.int32),
-        np.ascontiguousarray(faces, np.int32).ravel(),
-        None,
-        is_left_handed,
-        "none",
-        read_normals(prim, ctx.when),
-        None,
+        path=prim.path,
+        points=points.astype(np.float32, copy=False),
+        has_points=True,
+        counts=np.full(len(faces), 3, np.int32),
+        indices=np.ascontiguousarray(faces, np.int32).ravel(),
+        holes=None,
+        is_left_handed=is_left_handed,
+        scheme="none",
+        normals=read_normals(prim, ctx.when),
+        subdivision=None,
         face_indices=TETS if from_tets else SURFACE,
         tets=None if tets is None else Tetrahedra(tets, surface),
     )

@@ -50,14 +50,14 @@ def nurbs_patch(prim: ResolvedPrim, ctx: Context) -> NurbsPatch | None:
     if appearance.varying_color and color is None:
         appearance = replace(appearance, color=FALLBACK_COLOR)
     made = NurbsPatch(
-        prim.path,
-        points,
-        authored.weights,
-        authored.u,
-        authored.v,
-        0,
-        authored.loops,
-        None if color is None else _described_primvar("displayColor", color),
+        path=prim.path,
+        points=points,
+        weights=authored.weights,
+        u=authored.u,
+        v=authored.v,
+        surface=0,
+        loops=authored.loops,
+        colors=None if color is None else _described_primvar("displayColor", color),
         is_flipped=authored.is_left_handed,
         motion=None if path is None else moving_points(points, path, ctx),
     )

@@ -148,12 +148,14 @@ def nurbs_curves(
     last = (first_end + ends - 1)[np.repeat(drawn, np.array(segments, np.int64) + 1)] if drawn else np.zeros(0, np.int64)
     whole = np.minimum(np.floor(places).astype(np.int64), np.maximum(last - 1, 0))
     return CurveSet(
-        Sizes(len(counts), len(points), 0, int(ends.sum())),
-        np.array(drawn, np.int64),
-        np.array(segments, np.int64),
-        np.concatenate([_padded(c, widest) for c in corners]) if corners else np.zeros((0, 1), np.int64),
-        np.concatenate([np.pad(m, ((0, 0), (0, 0), (0, widest - m.shape[2]))) for m in matrices]) if matrices else np.zeros(0),
-        whole,
+        sizes=Sizes(len(counts), len(points), 0, int(ends.sum())),
+        drawn=np.array(drawn, np.int64),
+        segments=np.array(segments, np.int64),
+        corners=np.concatenate([_padded(c, widest) for c in corners]) if corners else np.zeros((0, 1), np.int64),
+        to_bezier=np.concatenate([np.pad(m, ((0, 0), (0, 0), (0, widest - m.shape[2]))) for m in matrices])
+        if matrices
+        else np.zeros(0),
+        ends=whole,
         within=places - whole,
     )
 

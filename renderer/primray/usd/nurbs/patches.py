@@ -21,7 +21,7 @@ from ..scene.inheritance import ResolvedPrim
 from ..stage.values import array, read, token
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class AuthoredPatch:
     points: Floats  # (N, 3), u varying fastest
     weights: Doubles | None  # (N,)
@@ -52,7 +52,9 @@ def _patch(prim: ResolvedPrim, ctx: Context) -> AuthoredPatch:
     is_left = "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "") == "leftHanded"
     size = (u.high - u.low, v.high - v.low)
     points = np.ascontiguousarray(points, np.float32)
-    return AuthoredPatch(points, _weights(prim, count, ctx), u, v, read_trims(prim, size, ctx), is_left)
+    return AuthoredPatch(
+        points=points, weights=_weights(prim, count, ctx), u=u, v=v, loops=read_trims(prim, size, ctx), is_left_handed=is_left
+    )
 
 
 def _direction(prim: ResolvedPrim, side: str, ctx: Context) -> Direction:

@@ -38,7 +38,7 @@ class RenderVariable:
     prefix: str | None = None  # of its channels, instead of its name
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ProductSettings:
     """Settings of one product; defaults are UsdRenderSettingsBase's, or None for a stage without RenderSettings."""
 
@@ -213,7 +213,15 @@ def read_variable(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Rende
     report_unknown_names(prim, property_names(prim), VARIABLES, diagnostics)
     own = read_variable_parameters(prim, when, diagnostics)
     name, data_type = own.get("name", prim.GetName()), own.get("format") or text("dataType", "color3f")
-    return RenderVariable(str(prim.GetPath()), name, data_type, source, kind, errors, own.get("channel_prefix"))
+    return RenderVariable(
+        path=str(prim.GetPath()),
+        name=name,
+        data_type=data_type,
+        source_name=source,
+        source_type=kind,
+        errors=errors,
+        prefix=own.get("channel_prefix"),
+    )
 
 
 def _get(prim: Usd.Prim, name: str, when: When) -> Any:

@@ -167,7 +167,7 @@ def _definition(prim: Usd.Prim, schema: str, ctx: Context) -> ColorSpace | None:
     gamma, bias = (_numbers(prim, prefix + key, (default,), ctx) for key, default in (("gamma", 1.0), ("linearBias", 0.0)))
     if None not in chroma and gamma is not None and bias is not None:
         red, green, blue, white = ((c[0], c[1]) for c in chroma if c is not None)
-        made = ColorSpace(name, red, green, blue, white, gamma[0], bias[0])
+        made = ColorSpace(name=name, red=red, green=green, blue=blue, white=white, gamma=gamma[0], bias=bias[0])
         if is_gamut(made) and made.gamma > 0 and made.bias >= 0 and (made.gamma > 1 or made.bias == 0):
             return made
     ctx.warn(

@@ -60,7 +60,7 @@ OuterColors = tuple[tuple[str, ColorScope], ...]  # the scopes that instances pa
 MaterialKey = tuple[Sdf.Path, OuterColors]
 
 
-@dataclass
+@dataclass(kw_only=True)
 class TranslationCaches:
     """Results that are computed once and used again: without any of them a translation is slower, and no different.
 
@@ -106,7 +106,7 @@ class PortalPrim:
     world_from_dome: Doubles  # (4, 4)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Findings:
     """What one part of a translation finds and a later part reads."""
 

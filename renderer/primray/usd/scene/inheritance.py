@@ -52,7 +52,7 @@ class Binding:
     rank: int = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Inherited:
     """The state that a prim hands down. `outer` is the binding of the instance whose prototype is being walked.
 

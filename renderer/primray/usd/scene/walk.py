@@ -99,7 +99,7 @@ class _Above(NamedTuple):
     binds: str  # the path of the nearest prim, this one or above it, that binds materials; "" for none
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Walk:
     ctx: Context
     leaf_types: Mapping[str, str]
@@ -200,7 +200,17 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             or type_name in _EXPANDED
             or mine.draw_mode != "default"
         ):
-            resolved = ResolvedPrim(prim, path, type_name, kind.names, mine, place.poses, pose, above.binds, mover=place.mover)
+            resolved = ResolvedPrim(
+                prim=prim,
+                path=path,
+                type_name=type_name,
+                names=kind.names,
+                inherited=mine,
+                poses=place.poses,
+                pose=pose,
+                bound_as=above.binds,
+                mover=place.mover,
+            )
             resolved.own_color = mine.color is not None and mine.color is not above.inherited.color
             drawn_as = draw_mode_of(resolved, ctx) if mine.draw_mode != "default" else ""
             if drawn_as:

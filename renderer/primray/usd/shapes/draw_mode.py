@@ -107,13 +107,13 @@ def cards(prim: ResolvedPrim, ctx: Context) -> Mesh | None:
     ctx.warn("draw-mode", prim.path, f"{len(found)} cards are drawn ({geometry}); they are seen from both sides.")
     quads = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     return Mesh(
-        prim.path,
-        np.concatenate([card.corners for card in found]).astype(np.float32),
-        np.concatenate([quads + 4 * k for k in range(len(found))]),
-        None,
-        None,
-        np.repeat([ctx.surfaces.index_of(card.surface) for card in found], 2).astype(np.int32),
-        (Primvar("st", Interpolation.POINT, np.concatenate([card.st for card in found]).astype(np.float32)),),
+        path=prim.path,
+        points=np.concatenate([card.corners for card in found]).astype(np.float32),
+        triangles=np.concatenate([quads + 4 * k for k in range(len(found))]),
+        normals=None,
+        colors=None,
+        surface=np.repeat([ctx.surfaces.index_of(card.surface) for card in found], 2).astype(np.int32),
+        primvars=(Primvar("st", Interpolation.POINT, np.concatenate([card.st for card in found]).astype(np.float32)),),
     )
 
 
@@ -283,10 +283,12 @@ def _bars_along(prim: ResolvedPrim, lines: list[tuple[Doubles, Doubles]], width:
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     points = [low - width / 2 + unit * (high - low + width) for low, high in lines]
     return Mesh(
-        prim.path,
-        np.concatenate(points).astype(np.float32),
-        np.concatenate([triangles + 8 * k for k in range(len(lines))]).astype(np.int32),
-        None,
-        None,
-        ctx.surfaces.index_of(Surface("", lambert=True, diffuse_color=_color(prim, ctx), camera=camera_sight(prim, ctx))),
+        path=prim.path,
+        points=np.concatenate(points).astype(np.float32),
+        triangles=np.concatenate([triangles + 8 * k for k in range(len(lines))]).astype(np.int32),
+        normals=None,
+        colors=None,
+        surface=ctx.surfaces.index_of(
+            Surface("", lambert=True, diffuse_color=_color(prim, ctx), camera=camera_sight(prim, ctx))
+        ),
     )

@@ -266,4 +266,13 @@ def inward_sphere(path: str, radius: float, surface: int, primvars: tuple[Primva
     """Return a sphere about the origin whose normals point inwards."""
     points = radius * np.array([(x * r, y * r, z) for r, z in _ARC for x, y in _CIRCLE])
     weights = np.outer([1, _MIDDLE_WEIGHT, 1, _MIDDLE_WEIGHT, 1], [1, _MIDDLE_WEIGHT] * 4 + [1]).ravel()
-    return NurbsPatch(path, points.astype(np.float32), weights, _AROUND, _UP, surface, primvars=primvars, is_flipped=True)
+    return NurbsPatch(
+        path=path,
+        points=points.astype(np.float32),
+        weights=weights,
+        u=_AROUND,
+        v=_UP,
+        surface=surface,
+        primvars=primvars,
+        is_flipped=True,
+    )

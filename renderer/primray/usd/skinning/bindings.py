@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pxr import UsdSkel  # imported only for stages with skeletons: it takes as long as starting Python
 
 
-@dataclass
+@dataclass(kw_only=True)
 class SkeletonBinding:
     skeleton: Usd.Prim
     animation: Usd.Prim  # may be in an instance; invalid if there is none
@@ -45,7 +45,14 @@ def _binding(cache: UsdSkel.Cache, found: UsdSkel.Binding) -> SkeletonBinding:
     prim = found.GetSkeleton().GetPrim()
     animation = UsdSkel.BindingAPI(prim).GetInheritedAnimationSource()
     joints = list(query.GetJointOrder() or ()) if query else []
-    return SkeletonBinding(prim, animation, joints, query, query.GetAnimQuery(), list(found.GetSkinningTargets()))
+    return SkeletonBinding(
+        skeleton=prim,
+        animation=animation,
+        joints=joints,
+        poses=query,
+        query=query.GetAnimQuery(),
+        targets=list(found.GetSkinningTargets()),
+    )
 
 
 def prims_of_binding(binding: SkeletonBinding) -> list[Usd.Prim]:

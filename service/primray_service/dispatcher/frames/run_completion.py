@@ -127,7 +127,17 @@ class RunCompletion:
                 now = await context.calls.store(context.store.clock)
                 await context.calls.store(context.store.renew_lease, context.fence, now, TTL_S)
                 await context.calls.disk(adoption.publish_over, kept, target)
-            outputs.append(Output(job.id, made.name, frame.number, made.bytes, made.sha256, made.media_type, now))
+            outputs.append(
+                Output(
+                    job_id=job.id,
+                    name=made.name,
+                    frame=frame.number,
+                    bytes=made.bytes,
+                    sha256=made.sha256,
+                    media_type=made.media_type,
+                    created_at=now,
+                )
+            )
         await context.calls.disk(adoption.published, context.data, folder)
         return outputs
 

@@ -63,7 +63,13 @@ class JobTotals:
 
     def set(self, frame: Frame) -> None:
         self._frames[frame.number] = FrameTotals(
-            frame.state, frame.progress, frame.phase, frame.result, frame.error, frame.cpu_s, frame.peak_rss_bytes
+            state=frame.state,
+            progress=frame.progress,
+            phase=frame.phase,
+            result=frame.result,
+            error=frame.error,
+            cpu_s=frame.cpu_s,
+            peak_rss_bytes=frame.peak_rss_bytes,
         )
         if frame.state is FrameState.RUNNING:
             self._running.add(frame.number)

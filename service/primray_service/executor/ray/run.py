@@ -80,7 +80,7 @@ class RayRun:
 
     def is_lost(self, why: str) -> None:
         """End the chunk as lost: nothing more will come from it."""
-        self._end(Ended("lost", None, None, self.folder, 0.0, 0, why))
+        self._end(Ended(reason="lost", exit_code=None, signal=None, folder=self.folder, cpu_s=0.0, peak_rss_bytes=0, log=why))
 
     def _end(self, ended: Ended) -> None:
         if not self.ended.done():

@@ -192,7 +192,18 @@ def shared_scene(service: Service, caller: Caller, asked: JobRequest) -> Scene:
         raise Problem("unavailable", "scene.shared: the shared storage does not answer.", member="scene.shared") from None
     state = SceneState.CHECKING
     facts = {"shared": file.name}
-    row = Scene(scene_id, caller.tenant, state, "shared", file.name, size, 0, now, now, facts=facts)
+    row = Scene(
+        id=scene_id,
+        tenant=caller.tenant,
+        state=state,
+        kind="shared",
+        name=file.name,
+        bytes=size,
+        stored_bytes=0,
+        created_at=now,
+        used_at=now,
+        facts=facts,
+    )
     return service.store.put_scene(row, service.quotas_of(caller))[0]
 
 

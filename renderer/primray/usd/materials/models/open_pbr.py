@@ -18,7 +18,7 @@ ONE, ZERO, WHITE, BLACK = (1.0,), (0.0,), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 NORMAL, TANGENT = "Nworld", "Tworld"  # the shape's own normal and tangent
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class KnownSurface:
     """Inputs of a surface under OpenPBR's names and with its defaults, colours in the rendering space.
 

@@ -394,7 +394,7 @@ class ParallelFrame:
             await self._make_picture(None)  # of a canceled frame that had samples
             return
         self.frame = progress_reports.updated(self.frame, self._progress)
-        completion = RunCompletion(self._context, shared, self.job, self.frame, None, None)
+        completion = RunCompletion(context=self._context, shared=shared, job=self.job, frame=self.frame, run=None, ended=None)
         await self._end_tasks()
         self._holds_slot = False
         await self._on_free()

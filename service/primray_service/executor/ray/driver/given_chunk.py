@@ -109,7 +109,15 @@ class GivenChunk:
         folders = {name: self._contents.of_folder(Path(path)) for name, path in chunk["folders"].items()}
         room = self._cluster.room
         limits = settings["limits"] | {"memory_bytes": room.memory_bytes}
-        return Order(self._key, chunk, inputs, folders, limits, room.cores, self._cluster.wanted)
+        return Order(
+            key=self._key,
+            chunk=chunk,
+            inputs=inputs,
+            folders=folders,
+            limits=limits,
+            cores=room.cores,
+            wanted=self._cluster.wanted,
+        )
 
     async def _run(self, order: Order) -> Json | None:
         """Run the chunk; None if the node refused it."""

@@ -24,7 +24,7 @@ class Wanted:
     allow_unsandboxed: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Order:
     key: str  # of its mailbox
     chunk: Json  # as in protocol.py; its paths are the server's
