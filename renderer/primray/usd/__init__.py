@@ -2,8 +2,9 @@
 
 `stage` opens and reads the stage; `scene` visits it once per distinct prototype, carries what prims inherit, and collects
 groups of leaf prims and instances; `instancing` computes where groups are placed, as products of levels; adapters turn one
-resolved prim into description objects; `translate` holds the table of adapters and runs all of this in order. `inspect` has
-facts about a stage, `incremental` translates again after edits. All matrices are double precision and column-vector.
+resolved prim into description objects; `translate` holds the table of adapters and runs the passes in order: stage edits, view,
+traversal, description. `inspect` has facts about a stage, `incremental` translates again after edits. All matrices are double
+precision and column-vector.
 """
 
 from .camera.framed_objects import framed_bounds

@@ -147,6 +147,16 @@ def test_classes_that_nothing_draws_have_no_levels_to_choose() -> None:
     assert len(told) == 1
 
 
+def test_an_invisible_root_has_no_levels_to_choose() -> None:
+    assert drawn(tree('token visibility = "invisible"')) == ([], [])
+
+
+def test_levels_are_chosen_before_the_view_of_the_edited_stage_is_set_up() -> None:
+    _, diagnostics = translate(stage_of(HEAD.replace("AWAY", "5") + tree("")), RenderSettings(resolution=(8, 8)))
+    assert [d.code for d in diagnostics][:2] == ["lod-chosen", "camera-chosen"]
+    assert [d.code for d in diagnostics].count("camera-chosen") == 1
+
+
 def test_an_instancer_of_a_level_that_is_left_out_is_reported() -> None:
     crowd = 'def PointInstancer "many"\n{\npoint3f[] positions = [(0, 0, 0)]\nint[] protoIndices = [0]\n'
     crowd += "rel prototypes = <LEVEL>\n}\n"
