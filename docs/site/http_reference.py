@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from primray_service.api.operations import Answer, Body, Member, Operation, Ref, Words, members, operations
-from primray_service.api.operations_page import SERVER, curl_example, python_example
+from primray_service.api.pages import SERVER, curl_example, python_example
 
 HEAD = """# HTTP reference
 

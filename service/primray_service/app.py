@@ -11,8 +11,7 @@ from .access.auth import Keys, Sessions, session_secret
 from .access.quotas import RequestRates
 from .http.callers import RateHeaders
 from .http.failures import add_handlers
-from .http.guard import OriginGuard, RequestGuard, allow_origins
-from .http.measured import Measured
+from .http.guard import Measured, OriginGuard, RequestGuard, allow_origins
 from .http.routing import Operation, Router, path_of
 from .routes import account, documents, health, keys, metrics, packages, page, scenes, sessions
 from .routes.admin import jobs as admin_jobs

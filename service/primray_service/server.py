@@ -124,14 +124,14 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     executor = executor_maker(config.executor)(config, data)
     service = Service(config=config, store=store, data=data, executor=executor, dispatcher=None, changes=changes, reads=reads)  # type: ignore[arg-type]
     service.dispatcher = Dispatcher(store, executor, data, config.limits, service.tenant_quotas.of)
-    store.listen(service.dispatcher.told)
+    store.listen(service.dispatcher.on_notice)
     dispatching: asyncio.Task[None] | None = None
     sender = WebhookSender(store, config)
     sending: asyncio.Task[None] | None = None
     evicting = asyncio.create_task(keep_evicting(data, config.limits)) if data.objects is not None else None
     try:
         if config.dispatch:
-            service.self_test = await asyncio.to_thread(check_walls, config, data)
+            service.self_test = await asyncio.to_thread(check_sandbox, config, data)
             await executor.start()
             dispatching = asyncio.create_task(service.dispatcher.run())
             sending = asyncio.create_task(sender.run(lambda: service.dispatcher.fence))
@@ -166,7 +166,7 @@ async def keep_evicting(data: DataDirectory, limits: Limits) -> None:
         await asyncio.sleep(shared.EVERY_S)
 
 
-def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:
+def check_sandbox(config: ServeConfig, data: DataDirectory) -> SelfTest:
     """Return the result of the sandbox's self-test; Problem("unavailable") if it is too weak for a server that others can
     reach."""
     found = self_test(data.slots)
@@ -203,14 +203,14 @@ class Server(uvicorn.Server):
         """Handle signals without uvicorn, which would raise the signal again afterwards, before the parts are stopped."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, self._told_to_stop)
+            loop.add_signal_handler(number, self._request_stop)
         try:
             yield
         finally:
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.remove_signal_handler(number)
 
-    def _told_to_stop(self) -> None:
+    def _request_stop(self) -> None:
         self.force_exit = self.should_exit  # on the second signal
         self.should_exit = True
 

@@ -14,7 +14,7 @@ from .jobs import Job, Json
 from .leader import WhoLeads
 from .limits import Limits, Quotas
 from .pictures.encoder import PictureEncoder
-from .queue.positions import Places
+from .queue.positions import Positions
 
 if TYPE_CHECKING:
     from .access.auth import Caller
@@ -42,13 +42,13 @@ class Service:
         return WhoLeads(self.store, self.dispatcher, self.executor)
 
     @cached_property
-    def places(self) -> Places:
+    def positions(self) -> Positions:
         """Return the positions of queued jobs."""
-        return Places(self.store, lambda: self.who_leads.now().capacity.slots, self.dispatcher.rates)
+        return Positions(self.store, lambda: self.who_leads.now().capacity.slots, self.dispatcher.rates)
 
     def job_json(self, job: Job) -> Json:
         """Return a job's JSON with its position in the queue; blocks on the database."""
-        return job_json(job, self.places.of(job))
+        return job_json(job, self.positions.of(job))
 
     @property
     def limits(self) -> Limits:

@@ -1,6 +1,6 @@
 """The operations of the OpenAPI document as data: what each takes and answers, with types in words.
 
-Two pages are made from it: the service's own (operations_page.py), and the site's reference of the HTTP API (docs/site).
+Two pages are made from it: the service's own (api/pages.py), and the site's reference of the HTTP API (docs/site).
 """
 
 from __future__ import annotations
@@ -140,9 +140,9 @@ def type_words(schema: Schema) -> Words:
         return ("object of ", *type_words(schema["additionalProperties"]))
     if schema.get("format") == "binary":
         return ("a file's bytes",)
-    told = [kind, *_limits(schema), *_count(schema, "minLength", "maxLength", " characters")]
-    told += [schema["format"]] if "format" in schema else []
-    return (", ".join(told),)
+    words = [kind, *_limits(schema), *_count(schema, "minLength", "maxLength", " characters")]
+    words += [schema["format"]] if "format" in schema else []
+    return (", ".join(words),)
 
 
 def members(schema: Schema) -> tuple[Member, ...]:
@@ -153,11 +153,11 @@ def members(schema: Schema) -> tuple[Member, ...]:
 
 
 def _text(schema: Schema) -> str:
-    told = schema.get("description", "")
+    text = schema.get("description", "")
     default = schema.get("default")
     if default in (None, "", {}, []) or isinstance(default, dict):
-        return str(told)
-    return f"{told} Default: {json.dumps(default)}.".strip()
+        return str(text)
+    return f"{text} Default: {json.dumps(default)}.".strip()
 
 
 def _joined(parts: list[Words], between: str) -> Words:

@@ -1,12 +1,18 @@
-"""HTML frame of the API's reference pages, and a page for each kind of problem. Knows no HTTP; page/style/ has the styles."""
+"""HTML pages of the API's reference: every operation with what it takes and answers, and a page for each kind of problem.
+
+Operations have examples in curl and Python; page/docs/ adds a form to each that sends it, and page/style/ has the styles. The
+pages are readable without scripts. Nothing here knows HTTP.
+"""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable
 from html import escape
 
 from ..problems import KINDS, Problem
+from .operations import Answer, Body, Document, Member, Operation, Ref, Words, members, operations
 
 FRAME = """<!doctype html>
 <html lang="en">
@@ -62,3 +68,178 @@ def problem_page(slug: str) -> str:
         "request was at fault; <code>request_id</code> is in the server's log.</p>"
         f"<pre>{escape(json.dumps(example, indent=2, ensure_ascii=False))}</pre><p><a href='/problems'>All problems</a></p>",
     )
+
+
+SCRIPT = "/page/docs/try_it.js"
+
+
+def operations_page(document: Document) -> str:
+    found = list(operations(document))
+    descriptions = {tag["name"]: tag["description"] for tag in document["tags"]}
+    groups = [(tag, [one for one in found if one.tag == tag]) for tag in descriptions]
+    index = "".join(_index(tag, group) for tag, group in groups)
+    sections = "".join(_group(tag, descriptions[tag], group) for tag, group in groups)
+    schemas = "".join(
+        f'<details id="schema-{name}"><summary><code>{name}</code></summary><p>{_text(schema.get("description", ""))}</p>'
+        f"{_members(members(schema))}</details>"
+        for name, schema in document["components"]["schemas"].items()
+    )
+    return page(
+        "API",
+        f"<p>{escape(document['info']['description'])}</p>"
+        '<div id="key"></div>'
+        f'<nav class="index" aria-label="Operations">{index}</nav>'
+        f'{sections}<section class="group"><h2>Schemas</h2>{schemas}</section>',
+        script=SCRIPT,
+    )
+
+
+def _index(tag: str, group: Iterable[Operation]) -> str:
+    links = "".join(f'<li><a href="#{one.key}">{_name(one)}</a></li>' for one in group)
+    return f"<div><h2>{escape(tag.capitalize())}</h2><ul>{links}</ul></div>"
+
+
+def _group(tag: str, text: str, group: Iterable[Operation]) -> str:
+    found = "".join(map(_operation, group))
+    return f'<section class="group"><h2>{escape(tag.capitalize())}</h2><p>{escape(text)}</p>{found}</section>'
+
+
+def _operation(one: Operation) -> str:
+    parameters = (
+        (
+            f"<code>{escape(each.name)}</code>",
+            f"{each.where}{', required' if each.is_required else ''}",
+            _words(each.type),
+            _text(each.text),
+        )
+        for each in one.parameters
+    )
+    return (
+        f'<article class="card operation" id="{one.key}" aria-labelledby="{one.key}-name">'
+        f'<h3 id="{one.key}-name">{_name(one)}</h3>'
+        + "".join(f"<p>{_text(text)}</p>" for text in one.text.split("\n\n"))
+        + (table(("parameter", "in", "type", "means"), parameters) if one.parameters else "")
+        + "".join(map(_body, one.bodies))
+        + _folded("Answers", f'<div class="answers">{_answers(one.answers)}</div>')
+        + _folded("curl", f"<pre>{escape(curl_example(one))}</pre>")
+        + _folded("Python", f"<pre>{escape(python_example(one))}</pre>")
+        + "</article>"
+    )
+
+
+def _body(body: Body) -> str:
+    example = "" if body.example is None else f"<pre>{escape(json.dumps(body.example, indent=2))}</pre>"
+    return (
+        f"<p>Body: <code>{escape(body.media_type)}</code>, {_words(body.type)}</p>"
+        + (_members(body.members) if body.members else "")
+        + example
+    )
+
+
+def _members(found: Iterable[Member]) -> str:
+    rows = [
+        (f"<code>{escape(each.name)}</code>{' (required)' if each.is_required else ''}", _words(each.type), _text(each.text))
+        for each in found
+    ]
+    return table(("member", "type", "means"), rows) if rows else ""
+
+
+def _answers(found: Iterable[Answer]) -> str:
+    return table(("status", "means", "body"), ((each.status, _means(each), _answered(each)) for each in found))
+
+
+def _means(answer: Answer) -> str:
+    headers = ", ".join(answer.headers)
+    return _text(answer.text) + (f"<br><small>Headers: {escape(headers)}</small>" if headers else "")
+
+
+def _answered(answer: Answer) -> str:
+    if not answer.media_types:
+        return "none"
+    return f"{_words(answer.type)}<br><small>{escape(', '.join(answer.media_types))}</small>"
+
+
+def _words(words: Words) -> str:
+    return "".join(
+        f'<a href="#schema-{word.name}">{escape(word.name)}</a>' if isinstance(word, Ref) else escape(word) for word in words
+    )
+
+
+def _text(text: str) -> str:
+    """Return the text as HTML, with passages between backticks as code."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
+
+
+def _name(one: Operation) -> str:
+    return f'<span class="method">{one.method}</span> <code>{escape(one.path)}</code>'
+
+
+def _folded(name: str, body: str) -> str:
+    return f"<details><summary>{name}</summary>{body}</details>"
+
+
+SERVER = "http://127.0.0.1:8700"
+# answers that are saved as a file
+FILES = {"previews_preview": "preview.png", "outputs_output": "beauty.exr", "logs_log": "log.txt"}
+SENT = "shot.usda"
+
+
+def curl_example(operation: Operation) -> str:
+    options = {"GET": "", "POST": "", "HEAD": " -I"}.get(operation.method, f" -X {operation.method}")
+    body = _sent_body(operation)
+    if operation.method == "POST" and body is None:
+        options = " -X POST"
+    lines = [f'curl -sS{options} "{_url(operation, "$")}"']
+    if body is not None and body.example is None:
+        lines.append(f"  -H 'Content-Type: {body.media_type}' --data-binary @{SENT}")
+    elif body is not None:
+        lines.append(f"  -H 'Content-Type: {body.media_type}' -d '{json.dumps(body.example)}'")
+    if operation.key in FILES:
+        lines.append(f"  -o {FILES[operation.key]}")
+    return " \\\n".join(lines)
+
+
+def python_example(operation: Operation) -> str:
+    url, body = _url(operation, ""), _sent_body(operation)
+    asked = [f'{"f" if "{" in url else ""}"{url}"']
+    imports = ["from urllib.request import Request, urlopen"]
+    if operation.method != "GET":
+        asked.append(f'method="{operation.method}"')
+    if body is not None:
+        asked.append(f'headers={{"Content-Type": "{body.media_type}"}}')
+        if body.example is None:
+            asked.append(f'data=Path("{SENT}").read_bytes()')
+            imports.insert(0, "from pathlib import Path")
+        else:
+            asked.append(f"data=json.dumps({body.example}).encode()")
+    if operation.key in FILES:
+        shown = f'    Path("{FILES[operation.key]}").write_bytes(answer.read())'
+        imports.insert(0, "from pathlib import Path")
+    elif _answers_json(operation):
+        shown = "    print(answer.status, json.load(answer))"
+    elif operation.method == "HEAD" or operation.answers[0].status == "204":
+        shown = "    print(answer.status, answer.headers)"
+    else:
+        shown = "    print(answer.status, answer.read().decode())"
+    if "json." in f"{asked}{shown}":
+        imports.insert(0, "import json")
+    request = f"Request({asked[0]})" if len(asked) == 1 else "Request(\n    " + ",\n    ".join(asked) + ",\n)"
+    return "\n".join([*imports, "", f"request = {request}", "with urlopen(request) as answer:", shown])
+
+
+def _sent_body(operation: Operation) -> Body | None:
+    """Return the operation's body, JSON if possible; a file body of a media type that any file has."""
+    found = [body for body in operation.bodies if body.example is not None]
+    found += [body for body in operation.bodies if body.media_type == "application/octet-stream"]
+    return found[0] if found else None
+
+
+def _url(operation: Operation, sign: str) -> str:
+    path = re.sub(r"\{(\w+)\}", rf"{sign}\1" if sign else r"{\1}", operation.path)
+    query = f"?name={SENT}" if operation.key == "scenes_upload" else ""
+    return f"{SERVER}{path}{query}"
+
+
+def _answers_json(operation: Operation) -> bool:
+    """Return whether the operation answers JSON to a request without an Accept header."""
+    return operation.method != "HEAD" and "application/json" in operation.answers[0].media_types

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..jobs import FrameState, JobState
+from ..jobs import FrameState, JobState, SceneState
 from .models import SceneReference, Settings
 
 
@@ -201,3 +201,236 @@ class Session(View):
     tenant: str
     scopes: list[Literal["submit", "read", "admin"]]
     expires_at: datetime
+
+
+Scope = Literal["submit", "read", "admin"]
+
+
+class KeyQuotas(View):
+    """Quotas of a key; null: no limit."""
+
+    requests_per_s: float | None
+    burst: int
+    queued_jobs: int | None
+    running_jobs: int | None
+    stored_bytes: int | None
+    cpu_s_per_day: float | None
+
+
+class Key(View):
+    id: str
+    object: Literal["key"]
+    tenant: str
+    name: str
+    prefix: str = Field(description="First characters of the key, to recognise it by.")
+    scopes: list[Scope]
+    quotas: KeyQuotas
+    created_at: datetime
+    expires_at: datetime | None
+    revoked_at: datetime | None
+
+
+class NewKey(Key):
+    key: str = Field(description="The key itself, which only this answer contains.")
+
+
+class KeyList(View):
+    items: list[Key]
+
+
+class WhoAmI(View):
+    tenant: str
+    name: str
+    scopes: list[Scope]
+    key: Key | None
+    session: bool = Field(description="Whether the caller used a session cookie instead of a key.")
+
+
+class Count(View):
+    used: int
+    limit: int | None
+
+
+class Seconds(View):
+    used: float
+    limit: float | None
+
+
+class Rate(View):
+    limit: float | None
+    burst: int
+
+
+class Usage(View):
+    tenant: str
+    queued_jobs: Count
+    running_jobs: Count
+    stored_bytes: Count
+    cpu_s_per_day: Seconds
+    cpu_s_total: float
+    requests_per_s: Rate
+
+
+class InputKind(View):
+    kind: str
+    media_type: str
+    suffixes: list[str]
+
+
+class OutputKind(View):
+    name: str
+    media_type: str
+
+
+class Previews(View):
+    views: list[str]
+    formats: dict[str, str]
+
+
+class AovName(View):
+    name: str = Field(description="Name for settings.aovs.")
+    meaning: str
+
+
+class ExecutorOfServer(View):
+    slots: int
+    cores: int
+    threads: int
+    memory_bytes: int
+    nodes: int
+
+
+class Capabilities(View):
+    version: str
+    api: str
+    inputs: list[InputKind]
+    outputs: list[OutputKind]
+    previews: Previews
+    error_metrics: list[str]
+    aovs: list[AovName] = Field(description="AOVs of any scene; primvar:NAME and labels:TAXONOMY depend on the scene.")
+    limits: dict[str, Any]
+    quotas: KeyQuotas
+    executor: ExecutorOfServer
+    sandbox: dict[str, Any]
+    shared_roots: list[str] = Field(description="Names of shared storage whose stages this tenant's jobs may name.")
+
+
+class SceneUrls(View):
+    self: str
+
+
+class Scene(View):
+    """A scene. Once the state is ready, further members have the results of the check."""
+
+    id: str = Field(
+        pattern="^sha256:[0-9a-f]{64}$", description="Digest of the bytes as sent, or of the package's list of files."
+    )
+    object: Literal["scene"]
+    state: SceneState
+    kind: Literal["usda", "usdc", "usdz", "zip", "shared"]
+    name: str
+    bytes: int
+    stored_bytes: int
+    created_at: datetime
+    warnings: list[Warning]
+    problem: Problem | None = Field(description="Why it was rejected.")
+    urls: SceneUrls
+
+
+class Package(View):
+    """Files of a package that have to be sent."""
+
+    id: str = Field(pattern="^sha256:[0-9a-f]{64}$", description="The scene's future id.")
+    missing: list[str] = Field(description="SHA-256s of files that this tenant has not sent.")
+    missing_bytes: int
+
+
+class ScenePage(View):
+    items: list[Scene]
+    next_cursor: str | None
+
+
+class OutputUrls(View):
+    self: str
+    immutable: str = Field(description="Address of exactly this version, which may be cached for ever.")
+
+
+class Output(View):
+    name: str
+    frame: int | None
+    bytes: int
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+    media_type: str
+    created_at: datetime
+    urls: OutputUrls
+
+
+class OutputList(View):
+    items: list[Output]
+
+
+class Health(View):
+    status: Literal["ok"]
+
+
+class Readiness(View):
+    status: Literal["ready", "not ready", "stopping"]
+    checks: dict[str, dict[str, Any]] = Field(
+        description="Results for database, disk, executor and sandbox: ok, detail, seconds."
+    )
+
+
+class AdminJob(Job):
+    tenant: str = Field(description="The job's tenant.")
+
+
+class AdminJobPage(View):
+    items: list[AdminJob]
+    next_cursor: str | None
+
+
+class AdminFramePage(View):
+    items: list[Frame]
+    next_after: int | None = Field(description="Value of ?after= for the next page.")
+
+
+class Tenant(Usage):
+    quotas: KeyQuotas = Field(description="Effective quotas.")
+    quotas_set: dict[str, Any] = Field(description="Quotas that an administrator has set.")
+
+
+class TenantPage(View):
+    items: list[Tenant]
+    next_after: str | None = Field(description="Value of ?after= for the next page.")
+
+
+class WorkerNode(View):
+    id: str
+    slots: int = Field(description="Number of concurrent renders.")
+    why: str = Field(description="Why the node takes no work; empty if it does.")
+
+
+class RunningFrame(View):
+    job: str
+    name: str | None
+    tenant: str
+    priority: int
+    state: JobState
+    frame: int
+    time_code: float | None
+    phase: str
+    fraction: float
+    parts: int | Literal["auto"] | None = Field(description="Most slots in which it is rendered; null: one.")
+    started_at: datetime | None
+    cpu_s: float
+
+
+class Workers(View):
+    dispatcher: Literal["here", "elsewhere", "nowhere"] = Field(
+        description="The server that dispatches: this one, another, or none."
+    )
+    slots: int
+    cores: int
+    memory_bytes: int = Field(description="Memory limit of one render.")
+    nodes: list[WorkerNode]
+    running: list[RunningFrame]

@@ -2,8 +2,8 @@
 
     serve.py                                    start a service (help texts of its limits: limit_options.py)
     submit.py, scene_file.py                    send a scene with the files it refers to, and create a job
-    status.py, watch.py, fetch.py, cancel.py    show jobs, follow them, download their pictures, cancel them
-    interventions.py                            pause and resume jobs, render frames again
+    status.py, watch.py, fetch.py               show jobs, follow them, download their pictures
+    interventions.py                            cancel, pause and resume jobs, render frames again
     admin.py                                    jobs of all tenants, workers, usage, quotas
     farm.py                                     nodes of a Ray cluster and what runs there, without a service
     ../live/command.py                          show a stage in a browser
@@ -22,7 +22,7 @@ COMMANDS = {
     "status": ("primray_service.cli.status:status", "Show a service's jobs, or one job."),
     "watch": ("primray_service.cli.watch:watch", "Follow a job until it has ended."),
     "fetch": ("primray_service.cli.fetch:fetch", "Download a job's files."),
-    "cancel": ("primray_service.cli.cancel:cancel", "Cancel jobs; their pictures so far are kept."),
+    "cancel": ("primray_service.cli.interventions:cancel", "Cancel jobs; their pictures so far are kept."),
     "pause": ("primray_service.cli.interventions:pause", "Pause jobs and free their workers."),
     "resume": ("primray_service.cli.interventions:resume", "Resume paused jobs."),
     "retry": ("primray_service.cli.interventions:retry", "Render frames of a job again."),

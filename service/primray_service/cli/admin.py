@@ -11,10 +11,9 @@ import typer
 
 from primray.cli.console import print_line
 
-from .cancel import Jobs
 from .connection import Json, KeyFile, Labels, Server, connected, labels_of
 from .exits import USAGE, CommandError
-from .interventions import Job, show
+from .interventions import Job, Jobs, show
 from .job_text import block, percent_text, place_text, plain, seconds_text, state_text
 from .limit_options import quota_of
 

@@ -1,4 +1,4 @@
-"""`primray pause`, `resume` and `retry`: pause jobs so that they free their workers, resume them, or render a frame again."""
+"""`primray cancel`, `pause`, `resume` and `retry`: end jobs, free their workers for a while, or render a frame again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import typer
 
 from primray.cli.console import print_line
 
-from .cancel import Jobs
 from .connection import Json, KeyFile, Server, connected
 from .exits import USAGE, CommandError
 
@@ -53,3 +52,17 @@ def show(state: str, job_id: str, json: bool, frame: int | None = None) -> None:
         print_line({"type": "job", "id": job_id, "state": state} | ({} if frame is None else {"frame": frame}))
     else:
         print(f"{job_id} {state}" + ("" if frame is None else f", frame {frame} is queued"))
+
+
+Jobs = Annotated[list[str], typer.Argument(metavar="JOB...", help="Jobs' ids.", show_default=False)]
+
+
+def cancel(jobs: Jobs, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
+    """Cancel jobs; the pictures rendered so far are kept."""
+    with connected("cancel", server, key_file) as client:
+        for job_id in jobs:
+            job = client.cancel(job_id)
+            if json:
+                print_line({"type": "job", **client.document(job_id)})
+            else:
+                print(f"{job.id} {job.state}")

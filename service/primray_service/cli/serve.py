@@ -166,12 +166,12 @@ def serve(
 
 
 def run(config: ServeConfig) -> None:
-    from ..server import serve as serve_until_told
+    from ..server import serve as run_server
 
     print(f"data in {config.objects or config.data}", file=sys.stderr, flush=True)
     with problems_as_errors():
         prepare(config)
-        serve_until_told(config)
+        run_server(config)
 
 
 def prepare(config: ServeConfig) -> None:

@@ -14,8 +14,8 @@ from ..jobs import Json, Scene
 from ..problems import Problem
 from .chunks import commands, messages
 from .chunks.chunk_run import LEAVE_S
+from .chunks.commands import stage_inputs
 from .chunks.inbox import MOST_WARNINGS
-from .chunks.stage_inputs import stage_inputs
 from .context import Context
 from .frames import outcomes
 

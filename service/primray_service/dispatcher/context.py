@@ -1,20 +1,85 @@
-"""State that the parts of a dispatcher share during one hold of the lease."""
+"""State that the parts of a dispatcher share during one hold of the lease, and its calls of the store and the disk.
+
+Calls run in threads of the dispatcher's own, so that they do not queue behind other parts of the server; they are repeated
+when the database connection breaks.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import functools
 import logging
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from typing import ParamSpec, TypeVar
 
 from ..executor.base import Executor
 from ..files import DataDirectory
 from ..limits import Limits, Quotas
 from ..queue.rates import Rates
-from ..store.base import Store
-from .calls import Calls
+from ..store.base import Conflict, KeyReused, Lost, QuotaExceeded, Store
 from .metrics import Metrics
 
 LOG = logging.getLogger(__name__)
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+# Exceptions that the store raises on purpose, and programming errors. All others come from the database and may be transient.
+_FINAL = (
+    *(Lost, Conflict, KeyReused, QuotaExceeded),
+    *(LookupError, ValueError, TypeError, AttributeError, AssertionError, NotImplementedError),
+)
+TRIES = 6
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.05, 0.5
+
+
+class Calls:
+    """The threads of one dispatcher. `is_up` tells whether the database was reached after a time of the monotonic clock."""
+
+    def __init__(self, is_up: Callable[[float], bool], is_over: Callable[[], bool]) -> None:
+        self._is_up = is_up
+        self._is_over = is_over
+        self._database = ThreadPoolExecutor(4, "dispatcher-store")
+        self._disk = ThreadPoolExecutor(3, "dispatcher-disk")
+
+    async def store(self, method: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """Call a method of the store that may be repeated; raises Lost when the lease is over.
+
+        A call that fails although the database was reached in between will fail every time, so its exception is raised.
+        """
+        loop = asyncio.get_running_loop()
+        began, pause = loop.time(), FIRST_PAUSE_S
+        failures = 0
+        while True:
+            if self._is_over():
+                raise Lost
+            try:
+                return await self.store_once(method, *args, **kwargs)
+            except _FINAL:
+                raise
+            except Exception as error:
+                failures += 1
+                if failures >= TRIES and self._is_up(began):
+                    raise
+                LOG.warning("the database failed in %s; retrying: %r", method.__name__, error)
+            await asyncio.sleep(pause)
+            pause = min(2 * pause, LONGEST_PAUSE_S)
+
+    async def store_once(self, method: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._database, functools.partial(method, *args, **kwargs))
+
+    async def disk(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """Do work on files, which may take a while, in a thread."""
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._disk, functools.partial(work, *args, **kwargs))
+
+    def close(self) -> None:
+        self._database.shutdown(wait=False)
+        self._disk.shutdown(wait=False)
 
 
 @dataclass

@@ -16,8 +16,7 @@ from ..jobs import Json
 from ..limits import Limits, Quotas
 from ..queue.rates import Rates
 from ..store.base import Store
-from .calls import Calls
-from .context import Context
+from .context import Calls, Context
 from .lease import Lease
 from .metrics import Metrics
 from .scheduler import Scheduler
@@ -116,7 +115,7 @@ class Dispatcher:
             return
 
     def _about(self) -> Json:
-        """Return what other servers are told about this one while it dispatches."""
+        """Return what this server reports to others while it dispatches."""
         health = self._executor.health()
         about: Json = {"executor": asdict(self._executor.capacity()), "sandbox": health.get("sandbox", {})}
         return about | {"ok": bool(health["ok"]), "nodes": list(health.get("nodes", ()))}
@@ -129,7 +128,7 @@ class Dispatcher:
         """Ask the frame's worker to write previews because a client watches. Thread-safe."""
         self._do_or_tell({"do": "preview", "job": job_id, "frame": frame})
 
-    def told(self, words: Json) -> None:
+    def on_notice(self, words: Json) -> None:
         """Process a notice from another server. Thread-safe."""
         self._in_loop(lambda: self._do(words))
 
@@ -137,7 +136,7 @@ class Dispatcher:
         if self._scheduler is None:
             self._store.tell(words)
         else:
-            self.told(words)
+            self.on_notice(words)
 
     def _do(self, words: Json) -> None:
         if self._scheduler is None:

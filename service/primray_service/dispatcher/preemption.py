@@ -11,7 +11,7 @@ Key = tuple[str, int, *tuple[int, ...]]  # job, frame, and for a part its first 
 
 @dataclass(frozen=True)
 class Running:
-    """Frame, or part of one, that holds a slot; `going`: it was told to yield already, or ends soon anyway."""
+    """Frame, or part of one, that holds a slot; `going`: it yields already, or ends soon anyway."""
 
     key: Key
     priority: int

@@ -9,16 +9,19 @@ import asyncio
 import logging
 import time
 from collections import Counter
-from collections.abc import Coroutine, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
+
+from primray.distributed.planner import FEWEST
 
 from ..executor.end_tasks import end_tasks
 from ..store.base import Claim, Lost
 from .checks import check_scene
 from .context import Context
 from .frames.parts.parallel_frame import ParallelFrame
-from .frames.parts.select_mode import ClaimedFrame, select_mode
+from .frames.parts.plan import rules_of
+from .frames.running import RunningFrame
 from .frames.shared_jobs import SharedJobs
 from .lease import Lease
 from .preemption import frames_to_preempt
@@ -268,3 +271,18 @@ class Scheduler:
         scene = await self._context.calls.store(self._context.store.next_check, self._context.fence)
         if scene is not None:
             self._check = self._spawn(check_scene(self._context, scene), "check")
+
+
+ClaimedFrame = RunningFrame | ParallelFrame
+
+
+def select_mode(context: Context, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]]) -> ClaimedFrame:
+    """Return the frame, in parts if its job asks for that, there is more than one slot, and it was not begun in one piece."""
+    job, frame = claim.job, claim.frame
+    slots = context.executor.capacity().slots
+    places = slots if job.parallel == "auto" else min(int(job.parallel or 1), slots)
+    is_begun_whole = bool(frame.checkpoint_file) and not frame.merged
+    most = rules_of(job.settings.get("stop", {})).most
+    if places < 2 or is_begun_whole or most < 2 * FEWEST:
+        return RunningFrame(context, jobs, claim, on_free)
+    return ParallelFrame(context, jobs, claim, on_free, places)

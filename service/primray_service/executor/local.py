@@ -43,7 +43,7 @@ def local_executor(config: ServeConfig, data: DataDirectory) -> LocalExecutor:
 
 
 class LocalExecutor:
-    """Executor on this machine. `slots`: concurrent renders (None: one for every eight cores); `walls`: fewer sandbox layers
+    """Executor on this machine. `slots`: concurrent renders (None: one for every eight cores); `sandbox_layers`: fewer layers
     than are available, or another program, for tests and machines without them."""
 
     def __init__(
@@ -53,12 +53,12 @@ class LocalExecutor:
         *,
         slots: int | None = None,
         cores: int,
-        walls: SandboxLayers = SandboxLayers(),  # noqa: B008 - immutable
+        sandbox_layers: SandboxLayers = SandboxLayers(),  # noqa: B008 - immutable
         warm: bool = True,
     ) -> None:
         self._limits = limits
         self._capacity = Capacity(slots or max(1, cores // CORES_A_SLOT), cores, limits.memory_bytes)
-        self._walls = walls
+        self._sandbox_layers = sandbox_layers
         self._keeps_warm = warm
         self._slots = Slots(data.slots, ulid(time.time()))
         self._warm: dict[str, Worker] = {}
@@ -162,7 +162,7 @@ class LocalExecutor:
         return found | ({"why": self._why_not} if self._why_not else {})
 
     def _layers(self) -> dict[str, str]:
-        wanted = self._walls.layers
+        wanted = self._sandbox_layers.layers
         return {name: state if wanted is None or name in wanted else "off: by choice" for name, state in layers().items()}
 
     async def close(self) -> None:
@@ -180,7 +180,7 @@ class LocalExecutor:
     def _start_worker(self, kind: str, memory_bytes: int | None = None, roots: tuple[str, ...] = ()) -> Worker:
         memory, slot = memory_bytes or self._limits.memory_bytes, self._slots.make()
         try:
-            return Worker(kind, slot, memory, self._capacity.threads, self._limits, self._walls, roots)
+            return Worker(kind, slot, memory, self._capacity.threads, self._limits, self._sandbox_layers, roots)
         except BaseException:
             slot.remove()
             raise

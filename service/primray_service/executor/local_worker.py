@@ -37,7 +37,7 @@ class Worker:
         memory_bytes: int,
         threads: int,
         limits: Limits,
-        walls: SandboxLayers,
+        sandbox_layers: SandboxLayers,
         roots: tuple[str, ...] = (),
     ) -> None:
         self.slot = slot
@@ -52,7 +52,7 @@ class Worker:
         self._inputs: Mapping[str, Path] = {}
         self._folders: Mapping[str, Path] = {}
         budget = Budget(memory_bytes, threads, limits.output_bytes)
-        spawn = worker_spawn(slot.root, budget, (*walls.program, kind), walls.layers, roots)
+        spawn = worker_spawn(slot.root, budget, (*sandbox_layers.program, kind), sandbox_layers.layers, roots)
         self.wrapped = spawn.wrapped
         self.ready = asyncio.Event()  # once for all its chunks
         self.process = WorkerProcess(spawn, slot.log, limits.log_bytes, self._on_line)

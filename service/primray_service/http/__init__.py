@@ -1,6 +1,6 @@
 """Code that all routes share: guards, reading of requests, making of answers.
 
-guard.py      middleware around every request: ids, hosts, origins, headers, failures; measured.py: metrics
+guard.py      middleware around every request: ids, hosts, origins, headers, failures, metrics
 routing.py    routes, declared with what they take and answer; parameters.py: their handlers' parameters
 callers.py    callers as parameters: Reader, Submitter, Admin; request rates
 bodies.py     JSON bodies, read within limits and validated strictly; uploads.py: scenes

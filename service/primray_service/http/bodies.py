@@ -9,8 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from starlette.requests import ClientDisconnect, Request
 
-from ..api.aliases import in_own_words
-from ..api.near import hint_of
+from ..api.aliases import hint_of, in_own_words
 from ..problems import Problem
 from .callers import service_of
 from .described import json_request

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError, create_model
 from pydantic.fields import FieldInfo
 from starlette.requests import Request
 
-from ..api.near import hint_of
+from ..api.aliases import hint_of
 from ..problems import Problem
 from .described import REF, Json
 

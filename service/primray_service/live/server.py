@@ -85,14 +85,14 @@ class _Server(uvicorn.Server):
         loop = asyncio.get_running_loop()
         numbers = (signal.SIGINT, signal.SIGTERM)
         for number in numbers:
-            loop.add_signal_handler(number, self._told_to_stop)
+            loop.add_signal_handler(number, self._request_stop)
         try:
             yield
         finally:
             for number in numbers:
                 loop.remove_signal_handler(number)
 
-    def _told_to_stop(self) -> None:
+    def _request_stop(self) -> None:
         self.force_exit = self.should_exit
         self.should_exit = True
         self._stopping()

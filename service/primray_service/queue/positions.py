@@ -29,10 +29,10 @@ REST = 10.0  # pause until the next read, as a multiple of the last one's durati
 @dataclass(frozen=True)
 class _Seen:
     at: float = float("-inf")  # by the clock that jobs are queued by
-    places: Mapping[str, Place] = field(default_factory=dict)
+    positions: Mapping[str, Place] = field(default_factory=dict)
 
 
-class Places:
+class Positions:
     """Positions of queued jobs. Thread-safe; blocks on the database. `slots`: their current number."""
 
     def __init__(self, store: Store, slots: Callable[[], int], rates: Rates) -> None:
@@ -48,7 +48,7 @@ class Places:
         if job.state != JobState.QUEUED:
             return None
         seen = self._seen_now(job)
-        found, waiting = seen.places.get(job.id), len(seen.places)
+        found, waiting = seen.positions.get(job.id), len(seen.positions)
         if found is None:  # its scene is being checked, or it has just begun
             return {"place": None, "waiting": waiting, "frames_ahead": None, "estimated_start_s": None}
         start_s = None if found.start_s is None else round(found.start_s, 1)
@@ -62,7 +62,7 @@ class Places:
     def _seen_now(self, job: Job) -> _Seen:
         if self._took_s > LONG_S:
             if time.time() >= self._seen.at + max(GOOD_FOR_S, REST * self._took_s) and self._lock.acquire(blocking=False):
-                threading.Thread(target=self._look_beside, name="places", daemon=True).start()
+                threading.Thread(target=self._look_beside, name="positions", daemon=True).start()
             return self._seen
         with self._lock:
             now = time.time()
@@ -92,15 +92,15 @@ class Places:
         for job, frames in queue.active:
             running[job.tenant] += frames
         active = [Active(job.priority, frames, _left_s(job, now)) for job, frames in queue.active]
-        return places(in_order(queue.waiting, running), active, self._slots(), lambda job: self._rates.of(job.work))
+        return positions_of(in_order(queue.waiting, running), active, self._slots(), lambda job: self._rates.of(job.work))
 
 
 def _left_s(job: Job, now: float) -> float | None:
     """Return the seconds until the job is done by its last report, which is some seconds old."""
-    eta_s, told = job.progress.get("eta_s"), job.progress.get("updated_at")
-    if eta_s is None or told is None:
+    eta_s, updated_at = job.progress.get("eta_s"), job.progress.get("updated_at")
+    if eta_s is None or updated_at is None:
         return None
-    return max(float(eta_s) - max(now - datetime.fromisoformat(told).timestamp(), 0.0), 0.0)
+    return max(float(eta_s) - max(now - datetime.fromisoformat(updated_at).timestamp(), 0.0), 0.0)
 
 
 @dataclass(frozen=True)
@@ -119,10 +119,10 @@ class Place:
     start_s: float | None  # seconds from now; None: unknown
 
 
-def places(
+def positions_of(
     order: Sequence[Waiting], active: Sequence[Active], slots: int, seconds_of: Callable[[Waiting], float | None]
 ) -> Mapping[str, Place]:
-    """Return the places of jobs that have not begun. Frames of lower priority are preempted, so they are not waited for."""
+    """Return the positions of jobs that have not begun. Frames of lower priority are preempted, so they are not waited for."""
     found: dict[str, Place] = {}
     before: dict[int, tuple[int, float | None]] = {}  # running work, by the priority of the waiting job
     claimed = 0

@@ -12,7 +12,7 @@ from starlette.responses import Response
 from primray import __version__
 from primray.aovs import AOVS, CRYPTOMATTES
 
-from ..api import account_views
+from ..api import views
 from ..http.answers import json_answer
 from ..http.callers import COOKIE, Reader, Serving
 from ..http.described import answer
@@ -30,7 +30,7 @@ router = Router("/v1", tag="account")
 SUFFIXES = {"usda": [".usda", ".usd"], "usdc": [".usdc", ".usd"], "usdz": [".usdz"], "zip": [".zip"]}
 
 
-@router.get("/whoami", answer(account_views.WhoAmI))
+@router.get("/whoami", answer(views.WhoAmI))
 def whoami(request: Request, caller: Reader) -> Response:
     """Return the tenant and the key that the request is made with."""
     return json_answer(
@@ -44,7 +44,7 @@ def whoami(request: Request, caller: Reader) -> Response:
     )
 
 
-@router.get("/usage", answer(account_views.Usage))
+@router.get("/usage", answer(views.Usage))
 def usage(caller: Reader, service: Serving) -> Response:
     """Return what the tenant uses now, with its quotas (null: no limit)."""
     used = service.store.usage(caller.tenant, time.time())
@@ -63,7 +63,7 @@ def usage_json(tenant: str, used: Usage, quotas: Quotas) -> Json:
     }
 
 
-@router.get("/capabilities", answer(account_views.Capabilities))
+@router.get("/capabilities", answer(views.Capabilities))
 def capabilities(caller: Reader, service: Serving) -> Response:
     """Return the version, accepted inputs, available outputs, and all limits."""
     leading = service.who_leads.now()

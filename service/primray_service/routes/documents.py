@@ -7,8 +7,7 @@ import hashlib
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ..api.operations_page import operations_page
-from ..api.pages import problem_page, problems_page
+from ..api.pages import operations_page, problem_page, problems_page
 from ..http.answers import json_bytes, none_match, not_modified
 from ..http.openapi import openapi
 from ..http.routing import Router

@@ -10,7 +10,7 @@ import structlog
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
-from ..api import scene_views
+from ..api import views
 from ..http.answers import json_answer
 from ..http.callers import Serving
 from ..http.described import answer
@@ -24,7 +24,7 @@ router = Router(tag="health")
 CHECK_TIMEOUT_S = 5.0
 
 
-@router.get("/healthz", answer(scene_views.Health))
+@router.get("/healthz", answer(views.Health))
 async def alive() -> Response:
     """Return 200 while the process answers; nothing else is checked."""
     return json_answer({"status": "ok"}, headers={"cache-control": "no-store"})
@@ -32,8 +32,8 @@ async def alive() -> Response:
 
 @router.get(
     "/readyz",
-    answer(scene_views.Readiness, description="Everything works."),
-    answer(scene_views.Readiness, 503, "Something does not work, or the server is stopping."),
+    answer(views.Readiness, description="Everything works."),
+    answer(views.Readiness, 503, "Something does not work, or the server is stopping."),
 )
 async def ready(service: Serving) -> Response:
     """Return the state of database, disk, executor and sandbox, with the reason if one is not in order (503); and which of the

@@ -12,7 +12,7 @@ from starlette.responses import Response
 
 from ..access.auth import Keys
 from ..access.keys import TENANT, create
-from ..api import account_views
+from ..api import views
 from ..api.job_json import time_text
 from ..api.models import Sent
 from ..http.answers import json_answer
@@ -55,7 +55,7 @@ class KeyRequest(Sent):
 @router.post(
     "",
     answer(
-        account_views.NewKey,
+        views.NewKey,
         201,
         "The key, shown once.",
         headers=("Location",),
@@ -79,7 +79,7 @@ def create_key(
     return json_answer({**key_json(row), "key": text}, 201, {"location": f"/v1/keys/{row.id}", "cache-control": "no-store"})
 
 
-@router.get("", answer(account_views.KeyList), problems=("invalid-request",))
+@router.get("", answer(views.KeyList), problems=("invalid-request",))
 def list_keys(
     caller: Admin,
     service: Serving,
@@ -89,7 +89,7 @@ def list_keys(
     return json_answer({"items": [key_json(row) for row in service.store.keys(tenant)]})
 
 
-@router.get("/{key_id}", answer(account_views.Key), problems=("not-found",))
+@router.get("/{key_id}", answer(views.Key), problems=("not-found",))
 def show(key_id: str, caller: Admin, service: Serving) -> Response:
     """Return one key, without its text."""
     return json_answer(key_json(_found(service, key_id)))

@@ -1,4 +1,4 @@
-"""/metrics for Prometheus; http/measured.py measures every request for it."""
+"""/metrics for Prometheus; http/guard.py measures every request for it."""
 
 from __future__ import annotations
 

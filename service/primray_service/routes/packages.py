@@ -11,7 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from ..access.auth import Caller
-from ..api import scene_views
+from ..api import views
 from ..api.models import Sent
 from ..http.answers import json_answer
 from ..http.bodies import json_body
@@ -59,9 +59,9 @@ EXAMPLE = {"name": "shot.zip", "files": [{"path": "shot.usda", "sha256": "0" * 6
 
 @router.post(
     "/packages",
-    answer(scene_views.Package, 200, "Files to send before the request is repeated.", headers=()),
+    answer(views.Package, 200, "Files to send before the request is repeated.", headers=()),
     answer(
-        scene_views.Scene,
+        views.Scene,
         201,
         "All files are there: the scene is stored, and its check begins.",
         headers=("Location", "ETag"),

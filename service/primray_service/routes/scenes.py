@@ -10,7 +10,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ..api import scene_views
+from ..api import views
 from ..api.job_json import time_text
 from ..http.answers import json_answer, none_match, not_modified
 from ..http.callers import Reader, Serving, Submitter
@@ -58,14 +58,14 @@ LINKS: dict[str, Any] = {
 @router.post(
     "",
     answer(
-        scene_views.Scene,
+        views.Scene,
         201,
         "The scene is stored, and its check begins.",
         headers=("Location", "ETag", "Retry-After"),
         links=LINKS,
     ),
     answer(
-        scene_views.Scene,
+        views.Scene,
         200,
         "The same bytes were uploaded before.",
         headers=("Location", "ETag", "Retry-After"),
@@ -102,7 +102,7 @@ async def upload(
     return scene_answer(scene, 201 if is_new else 200, {"location": f"/v1/scenes/{scene.id}"})
 
 
-@router.get("", answer(scene_views.ScenePage, headers=("Link",)), problems=("invalid-request",))
+@router.get("", answer(views.ScenePage, headers=("Link",)), problems=("invalid-request",))
 def list_scenes(
     caller: Reader,
     service: Serving,
@@ -122,7 +122,7 @@ def list_scenes(
 
 @router.get(
     "/{scene_id}",
-    answer(scene_views.Scene, headers=("ETag", "Retry-After")),
+    answer(views.Scene, headers=("ETag", "Retry-After")),
     answer(status=304, description="Unchanged since the version in If-None-Match.", headers=("ETag",)),
     problems=("not-found",),
     headers=("If-None-Match",),

@@ -3,13 +3,12 @@ reach.
 
     call_numbers.py, system_calls.py   the kernel by ctypes
     limits.py                          rlimits: memory, files, file size, CPU
-    privileges.py                      capabilities, inherited files, death with the parent
     landlock.py                        which files can be opened; TCP, abstract sockets and signals too on newer kernels
     seccomp.py                         which system calls can be made
-    readable.py, bubblewrap.py         an empty root with only what Python needs
+    bubblewrap.py                      an empty root with only what Python needs
     layers.py                          which of these work on this machine
     spawn.py                           argument list and environment of a worker (the server's side)
-    entry.py                           `enter()` (the worker's side), before anything large is imported
+    entry.py                           `enter()` (the worker's side), drops privileges before anything large is imported
     attempts.py, self_test.py          attempts from inside that must fail; for /readyz
 
 Python with ctypes rather than the C++ core: the same system calls without a build, for every Python process.

@@ -18,9 +18,9 @@ from functools import cache
 from pathlib import Path
 
 from . import bubblewrap
+from .bubblewrap import DEVICES, machine_paths, readable_paths
 from .layers import usable_layers
 from .limits import Budget, limits_of
-from .readable import DEVICES, machine_paths, readable_paths
 
 WORKER = ("-m", "primray_service.worker")
 INHERITED = ("PRIMRAY_ISA",)

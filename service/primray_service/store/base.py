@@ -123,7 +123,7 @@ class Store(Protocol):
         """Call `on_change(job_id)`, from any thread, after each commit that changes a job through this store object, and once
         it listens, through others, too; return a function that ends it."""
 
-    def listen(self, on_told: Callable[[Json], None]) -> None:
+    def listen(self, on_notice: Callable[[Json], None]) -> None:
         """Receive notices of the other servers on this PostgreSQL from now on, in any thread: changes for subscribers, and for
         `on_told` what they `tell`. Delivery is quick but not guaranteed, so dependents poll as well. SQLite sends no
         notices."""

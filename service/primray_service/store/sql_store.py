@@ -19,8 +19,7 @@ from .operations.listing import Listing
 from .operations.parts import Parts
 from .operations.queue import Queue, WorkSeconds
 from .operations.scenes import Scenes
-from .operations.tenants import Tenants
-from .operations.usage import Sums
+from .operations.usage import Sums, Tenants
 from .operations.webhooks import Webhooks
 
 
@@ -57,8 +56,8 @@ class SqlStore(
     def subscribe(self, on_change: Callable[[str], None]) -> Callable[[], None]:
         return self._db.subscribe(on_change)
 
-    def listen(self, on_told: Callable[[Json], None]) -> None:
-        self._db.listen(on_told)
+    def listen(self, on_notice: Callable[[Json], None]) -> None:
+        self._db.listen(on_notice)
 
     def tell(self, words: Json) -> None:
         self._db.tell(words)

@@ -1,4 +1,4 @@
-"""A worker: enters its sandbox, does its slow imports, reports that it is ready, runs one chunk and ends; or, if told to stay,
+"""A worker: enters its sandbox, does its slow imports, reports that it is ready, runs one chunk and ends; or, if it is to stay,
 waits for more chunks of the same job."""
 
 from __future__ import annotations

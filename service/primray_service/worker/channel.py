@@ -93,9 +93,9 @@ class Channel:
         """Answer stop and yield at once from now on, since there is no more than checkpoint `number` to save; None: the
         sampling handles them."""
         self._number = number
-        self._leave_if_told()
+        self._leave_if_ordered()
 
-    def _leave_if_told(self) -> None:
+    def _leave_if_ordered(self) -> None:
         number = self._number
         if number is not None and self.give_way:
             self.leave("yielded", number=number)
@@ -121,7 +121,7 @@ class Channel:
             self.stop = True
         elif does == "yield":
             self.give_way = True
-        self._leave_if_told()
+        self._leave_if_ordered()
 
     def _begin(self, command: Mapping[str, Any]) -> None:
         self._previews_until, self._number = 0.0, None
@@ -161,8 +161,8 @@ class ClientText:
             Path(sys.prefix),
             Path(sys.base_prefix),
         ]
-        told = {f"{place}/" for folder in folders for place in (folder, folder.resolve()) if str(folder) not in (".", "/")}
-        known = "|".join(re.escape(prefix) for prefix in sorted(told, key=len, reverse=True))
+        prefixes = {f"{place}/" for folder in folders for place in (folder, folder.resolve()) if str(folder) not in (".", "/")}
+        known = "|".join(re.escape(prefix) for prefix in sorted(prefixes, key=len, reverse=True))
         self._known = re.compile(rf"(?<![\w/.\-])(?:{known})")
 
     def in_text(self, text: str) -> str:

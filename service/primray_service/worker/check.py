@@ -69,7 +69,7 @@ class _Check:
         self.contents: dict[str, LayerContent] = {}
         self.unreadable: dict[str, StageOpenError] = {}  # by layer; composition continues without those that are not roots
         self.not_uploaded: list[tuple[str, str]] = []  # layers and paths in them
-        self.places: dict[str, tuple[Container, File]] = {}
+        self.layers_found: dict[str, tuple[Container, File]] = {}
         self.named: set[str | None] = set()  # layers that others refer to
         self.leads_to: dict[tuple[str, str], str | None] = {}
 
@@ -100,7 +100,7 @@ class _Check:
         for container, file in layers:
             name = container.shown(file.name)
             self._refuse_deep_text(name, file)
-            self.places[name] = (container, file)
+            self.layers_found[name] = (container, file)
             try:
                 content = layer_content(str(self.root / name), name)
             except StageOpenError as error:
@@ -142,20 +142,20 @@ class _Check:
         left = [entry for entry in entries if entry not in broken]
         error = broken.get(self.asked or "") or (None if left else broken[entries[0]])
         if error is not None:
-            if len(self.files.files) == 1 and self.places[error.where][1].kind == "?":
+            if len(self.files.files) == 1 and self.layers_found[error.where][1].kind == "?":
                 raise Problem("not-usd", f"{error.message}.".replace("..", "."), code=error.code, layer=error.where)
             raise error
         return left
 
     def _find(self, layer: str, path: str) -> Found | None:
-        container, file = self.places[layer]
+        container, file = self.layers_found[layer]
         return find(container, file.name, path)
 
     def _resolve_all(self) -> None:
         """Resolve every path in every layer: refuse those that lead outside, warn of missing files."""
         for name, content in self.contents.items():
             for expression in content.expressions:
-                refuse_expression(self.places[name][0], self.places[name][1].name, expression)
+                refuse_expression(self.layers_found[name][0], self.layers_found[name][1].name, expression)
             for path in content.asset_paths:
                 found = self._find(name, path)
                 leads_to = _layer_of(found)
@@ -223,11 +223,11 @@ class _Check:
             path = f".../{path.rpartition('/')[2]}"
         return layer_file(missing.layer).removeprefix(root), path
 
-    def _warn_of_not_uploaded(self, told: Collection[str]) -> None:
+    def _warn_of_not_uploaded(self, reported: Collection[str]) -> None:
         """Warn of files that were not uploaded, except for those that the stage's own notes reported: hidden variants, clips,
         unbound materials."""
         for layer, path in self.not_uploaded:
-            if path not in told:
+            if path not in reported:
                 self._warn("asset-not-uploaded", "", f"The layer {layer!r} names {path!r}, which was not uploaded.")
 
     def _package_facts(self, entries: list[str], entry: str | None) -> dict[str, Any]:

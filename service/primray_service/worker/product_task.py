@@ -117,7 +117,7 @@ class _Frame:
         self.numbers = numbers
         self._stages, self._command, self._job, self._out, self._channel = stages, command, job, out, channel
         self._phases, self._warned = Phases(channel), Warnings(channel)
-        self._told = Diagnostics()
+        self._warnings = Diagnostics()
         self._known: set[Diagnostic] = set()
         self._passes = 0
         self._files = picture_files_of(command)
@@ -204,8 +204,8 @@ class _Frame:
         """Report diagnostics that no earlier render has reported."""
         new = [diagnostic for diagnostic in diagnostics if diagnostic not in self._known]
         self._known.update(new)
-        self._told.extend(new)
-        self._warned.send(self._told)
+        self._warnings.extend(new)
+        self._warned.send(self._warnings)
 
     def _warn_of_missing(self, products: Sequence[Product]) -> None:
         listed = ", ".join(product.path for product in products)

@@ -1,8 +1,8 @@
 """Protocol between a server and a worker: one JSON object a line, commands to its stdin, messages from its stdout.
 
-The first command names the chunk; a worker runs one chunk and ends, unless it is told to stay: then it sends `ready` after
-`done`, and another chunk of the same job may come. Paths are relative: those of commands to the job folder (read-only), those
-of messages to the output folder. The server validates every message before it uses it.
+The first command names the chunk; a worker runs one chunk and ends, unless the command asks it to stay: then it sends `ready`
+after `done`, and another chunk of the same job may come. Paths are relative: those of commands to the job folder, which is
+read-only, those of messages to the output folder. The server validates every message before it uses it.
 
 Commands
     {"do": "check", "file": "shot.usdz" | "package", "kind": "usda|usdc|usdz|zip", "entry": "shot.usda" | null, "limits": {..}}

@@ -32,12 +32,12 @@ def other(postgres_url: str) -> Iterator[SqlStore]:
 def only_answers(rig: Rig, executor: ScriptedExecutor, store: SqlStore) -> Dispatcher:
     """Another server's, over the same database, which does not get the lease."""
     found = Dispatcher(store, executor, rig.data, Limits(), lambda tenant: NO_QUOTAS)
-    store.listen(found.told)
+    store.listen(found.on_notice)
     return found
 
 
 async def both_listen(rig: Rig, other: SqlStore) -> None:
-    rig.store.listen(rig.dispatcher.told)
+    rig.store.listen(rig.dispatcher.on_notice)
     for store in (rig.store, other):
         notices = store._db._notices  # type: ignore[attr-defined]
         assert notices is not None

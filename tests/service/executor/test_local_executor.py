@@ -34,7 +34,7 @@ class TestWithoutBubblewrap(TestLocalExecutor):
     @classmethod
     def make(cls, folder: Path) -> Executor:
         walls = SandboxLayers(frozenset({"rlimits", "landlock", "seccomp"}))
-        return LocalExecutor(DataDirectory(folder), Limits(memory_bytes=2 * GiB), slots=2, cores=2, walls=walls)
+        return LocalExecutor(DataDirectory(folder), Limits(memory_bytes=2 * GiB), slots=2, cores=2, sandbox_layers=walls)
 
 
 @pytest.mark.long

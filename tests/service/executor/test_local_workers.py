@@ -42,7 +42,11 @@ LIMITS = Limits(memory_bytes=1 * GiB, output_bytes=8 * MiB, log_bytes=256 * 1024
 @asynccontextmanager
 async def started(folder: Path, limits: Limits = LIMITS, **options: Any) -> AsyncIterator[LocalExecutor]:
     executor = LocalExecutor(
-        DataDirectory(folder), limits, cores=2, walls=SandboxLayers(frozenset(), ("-c", PROGRAM)), **{"warm": False, **options}
+        DataDirectory(folder),
+        limits,
+        cores=2,
+        sandbox_layers=SandboxLayers(frozenset(), ("-c", PROGRAM)),
+        **{"warm": False, **options},
     )
     await executor.start()
     try:
@@ -358,7 +362,7 @@ def test_one_worker_waits_for_each_kind_and_is_replaced(tmp_path: Path) -> None:
 def test_where_no_worker_starts(tmp_path: Path) -> None:
     async def go() -> None:
         walls = SandboxLayers(frozenset(), ("-c", "raise SystemExit('no such luck')"))
-        executor = LocalExecutor(DataDirectory(tmp_path), LIMITS, cores=2, walls=walls)
+        executor = LocalExecutor(DataDirectory(tmp_path), LIMITS, cores=2, sandbox_layers=walls)
         with pytest.raises(Problem, match="no such luck") as raised:
             await executor.start()
         assert raised.value.slug == "unavailable"

@@ -70,7 +70,7 @@ class Played:
 @asynccontextmanager
 async def playing(folder: Path, *, layers: frozenset[str] = frozenset(), **options: Any) -> AsyncIterator[Played]:
     walls = SandboxLayers(layers, ("-c", f"ENTERS = {bool(layers)}\n{PROGRAM}"))
-    executor = LocalExecutor(DataDirectory(folder), LIMITS, cores=2, walls=walls, **{"warm": False, **options})
+    executor = LocalExecutor(DataDirectory(folder), LIMITS, cores=2, sandbox_layers=walls, **{"warm": False, **options})
     await executor.start()
     try:
         yield Played(executor)

@@ -12,7 +12,7 @@ from tests.service.store.world import new_job
 from primray_service.jobs import Job
 from primray_service.queue import positions as module
 from primray_service.queue.order import Waiting
-from primray_service.queue.positions import Places
+from primray_service.queue.positions import Positions
 from primray_service.queue.rates import Rates
 from primray_service.store.base import QueueNow
 
@@ -33,8 +33,8 @@ class LongQueue:
         return QueueNow([Waiting(job.id, job.tenant, job.priority, job.created_at) for job in self.jobs], [])
 
 
-def places_of(store: LongQueue) -> Places:
-    return Places(store, lambda: 1, Rates())  # type: ignore[arg-type]
+def places_of(store: LongQueue) -> Positions:
+    return Positions(store, lambda: 1, Rates())  # type: ignore[arg-type]
 
 
 def waiting(found: Any) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from primray_service.queue.order import Waiting, in_order
-from primray_service.queue.positions import Active, Place, places
+from primray_service.queue.positions import Active, Place, positions_of
 
 
 def waiting(
@@ -40,7 +40,7 @@ SECONDS = {"low": 7.0, "high": 4.0, "last": 1.0}
 
 
 def placed(*jobs: Waiting, active: tuple[Active, ...] = (), slots: int = 1, known: bool = True) -> dict[str, Place]:
-    return dict(places(in_order(jobs, {}), active, slots, lambda job: SECONDS[job.job_id] if known else None))
+    return dict(positions_of(in_order(jobs, {}), active, slots, lambda job: SECONDS[job.job_id] if known else None))
 
 
 THREE = waiting("low", priority=10, at=1, frames=2), waiting("high", priority=90, at=2, frames=3), waiting("last", at=3)

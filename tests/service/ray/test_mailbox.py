@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from primray_service.executor.ray.node import mailbox
-from primray_service.executor.ray.node.mailbox import Mailbox
+from primray_service.executor.ray.node import tasks
+from primray_service.executor.ray.node.tasks import Mailbox
 
 
 def test_letters_come_in_order_whenever_they_were_sent() -> None:
@@ -39,12 +39,12 @@ def test_a_chunk_that_is_over(asks: str) -> None:
 
 
 def test_nobody_writes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mailbox, "ANSWER_AFTER_S", 0.01)
+    monkeypatch.setattr(tasks, "ANSWER_AFTER_S", 0.01)
     assert asyncio.run(Mailbox().take("a")) == []
 
 
 def test_only_so_many_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mailbox, "MOST_OVER", 2)
+    monkeypatch.setattr(tasks, "MOST_OVER", 2)
 
     async def go() -> None:
         box = Mailbox()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -16,9 +16,11 @@ from ...files import DataDirectory
 from ...jobs import Frame, Job, Json, Part, Scene
 from ...limits import Limits
 from ...problems import Problem
+from ...scenes import shared
 from ...scenes.entries import choose
 from ...scenes.recognize import file_name
 from ...shared_roots import SharedFile, shared_name
+from ..context import Context
 
 MERGE_CPU_S = 900.0  # for reading and measuring several large films
 FILE_SETTINGS = tuple(FileSettings.model_fields)
@@ -248,3 +250,18 @@ def _code_text(frame: Frame) -> str:
     """Return the time code as text: "0012", "-003" or "0012.500"; the frame's index if it has no time code."""
     code = float(frame.number) if frame.time_code is None else frame.time_code
     return f"{int(code):04d}" if code == int(code) else f"{code:08.3f}"
+
+
+async def stage_inputs(context: Context, scene: Scene | None, job_id: str = "", files: Iterable[str] = ()) -> None:
+    """Stage the scene, and files of the job by their names in its folder ("" for none); files that exist nowhere are skipped.
+    Raises Problem or OSError."""
+    if context.data.objects is not None:
+        await context.calls.disk(_bring, context.data, context.limits, scene, job_id, list(files))
+
+
+def _bring(data: DataDirectory, limits: Limits, scene: Scene | None, job_id: str, files: Iterable[str]) -> None:
+    if scene is not None:
+        shared.bring(scene, data, limits)
+    for name in files:
+        if name:
+            data.bring(data.job(job_id) / name)

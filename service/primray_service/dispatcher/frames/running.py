@@ -19,8 +19,8 @@ from ...queue.rates import MOST
 from ...store.base import Claim
 from ..chunks import adoption, commands
 from ..chunks.chunk_run import ChunkRun
+from ..chunks.commands import stage_inputs
 from ..chunks.messages import Checkpoint
-from ..chunks.stage_inputs import stage_inputs
 from ..context import Context
 from ..preemption import Key, Running
 from . import progress_reports, run_completion
@@ -47,7 +47,7 @@ class Taken:
 
 
 class RunningFrame:
-    """A claimed frame; `has_slot`: its chunk runs or is about to; `going`: it was told to end, or to yield."""
+    """A claimed frame; `has_slot`: its chunk runs or is about to; `going`: it is to end, or to yield."""
 
     def __init__(
         self,
@@ -233,7 +233,7 @@ class RunningFrame:
             self._run = ChunkRun(context.executor, chunk, frame.convergence)
         except (Problem, ValueError, OSError) as error:
             return run_completion.not_begun(frame, error, context.limits)
-        if self.going and not self.is_canceling:  # told to yield before the run existed
+        if self.going and not self.is_canceling:  # it was to yield before the run existed
             self._run.tell_to_end("yield", YIELD_S, "yield")
         return self._run
 

@@ -251,8 +251,8 @@ def frame_result(report: Mapping[str, object], stop: Json, job: Job, outputs: Se
     followed = report.get("settings")
     followed = followed if isinstance(followed, Mapping) else {}  # the job's rules, and the stage's where those are open
     asked = job.settings.get("stop", {})
-    told = followed.get("error_metric")
-    metric = asked.get("metric") or (told if told in METRICS else METRICS[0])
+    measured = followed.get("error_metric")
+    metric = asked.get("metric") or (measured if measured in METRICS else METRICS[0])
     of_denoised = job.settings.get("stop_at") == "denoised"
     target = asked.get("target_error") or _number(followed.get("target_error"))
     error = _error_of(report, metric, None if of_denoised else target)

@@ -1,6 +1,6 @@
 """Chunks on the nodes of a Ray cluster.
 
-    executor.py    RayExecutor, for the dispatcher; run.py: one of its chunks
+    executor.py    RayExecutor, for the dispatcher, and its chunks
     link.py        the driver process, seen from the server
     protocol.py    messages between the two
     driver/        the driver process, which talks to Ray

@@ -1,7 +1,8 @@
 """RayExecutor: chunks run as tasks of a Ray cluster, on any of its nodes that has primray and a working sandbox.
 
 The cluster may die at any time, and this server's driver with it: every running chunk is then lost, capacity is zero, so that
-jobs wait, and the connection is retried until the cluster is back. Jobs stay in the database.
+jobs wait, and the connection is retried until the cluster is back. Jobs stay in the database. Of a chunk that runs, files
+arrive in a local folder before the messages that name them.
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from ...config import ServeConfig
@@ -19,14 +21,91 @@ from ...ids import ulid
 from ...jobs import Json
 from ...limits import Limits
 from ...problems import Problem
-from ..base import Capacity, Chunk, Handle, OnMessage
+from ...worker.protocol import LAST
+from ..base import Capacity, Chunk, Ended, Handle, OnMessage
 from ..end_tasks import end_tasks
-from ..slots import Slots
+from ..slots import Slot, Slots
 from . import protocol
 from .link import Link, NotConnected
-from .run import RayRun
 
 LOG = logging.getLogger(__name__)
+
+
+class RayRun:
+    """Handle of a chunk on a cluster. `send` sends a line to the driver."""
+
+    def __init__(self, chunk: Chunk, run_id: str, slot: Slot, on_message: OnMessage, send: Callable[[Json], None]) -> None:
+        self.chunk = chunk
+        self.id = run_id
+        self.ended: asyncio.Future[Ended] = asyncio.get_running_loop().create_future()
+        self._slot = slot
+        self._on_message = on_message
+        self._send = send
+        self._said_last = False
+        self._released = False
+
+    def begin(self) -> None:
+        chunk = {
+            "name": self.chunk.id,
+            "kind": self.chunk.kind,
+            "command": self.chunk.command,
+            "inputs": {name: str(path.absolute()) for name, path in self.chunk.inputs.items()},
+            "folders": {name: str(path.absolute()) for name, path in self.chunk.folders.items()},
+            "load_cpu_s": self.chunk.load_cpu_s,
+            "memory_bytes": self.chunk.memory_bytes,
+            "group": self.chunk.group,
+            "more_follow": self.chunk.more_follow,
+            "scene": self.chunk.scene,
+            "keep_s": self.chunk.keep_s,
+        }
+        self._send({"do": "run", "id": self.id, "chunk": chunk, "folder": str(self._slot.root.absolute())})
+
+    @property
+    def folder(self) -> Path:
+        return self._slot.out
+
+    async def result(self) -> Ended:
+        return await asyncio.shield(self.ended)
+
+    def tell(self, command: Json) -> None:
+        if not self._said_last and not self.ended.done():
+            self._send({"do": "tell", "id": self.id, "command": command})
+
+    def kill(self) -> None:
+        if not self.ended.done():
+            self._send({"do": "kill", "id": self.id})
+
+    def release(self) -> None:
+        if not self._released:
+            self._released = True
+            if self.ended.done():
+                self._remove()
+
+    def heard(self, message: Mapping[str, Any]) -> None:
+        self._said_last = self._said_last or message.get("at") in LAST
+        try:
+            self._on_message(message)
+        except Exception:
+            LOG.exception("a message %r of %s could not be processed", message.get("at"), self.chunk.id)
+
+    def has_ended(self, report: Mapping[str, Any]) -> None:
+        log_file = self._slot.log if report.get("log_file") else None
+        about = {name: report[name] for name in ("reason", "exit_code", "signal", "cpu_s", "peak_rss_bytes", "log")}
+        self._end(Ended(folder=self.folder, log_file=log_file, protocol_error=str(report.get("protocol_error", "")), **about))
+
+    def is_lost(self, why: str) -> None:
+        """End the chunk as lost: nothing more will come from it."""
+        self._end(Ended(reason="lost", exit_code=None, signal=None, folder=self.folder, cpu_s=0.0, peak_rss_bytes=0, log=why))
+
+    def _end(self, ended: Ended) -> None:
+        if not self.ended.done():
+            self.ended.set_result(ended)
+            if self._released:
+                self._remove()
+
+    def _remove(self) -> None:
+        asyncio.get_running_loop().run_in_executor(None, self._slot.remove)
+
 
 NOT_ASKED = "it cannot be asked"  # prefix of a node's reason if asking it failed
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 15.0  # between attempts to connect
@@ -187,13 +266,13 @@ class RayExecutor:
 
     def health(self) -> Json:
         why = self._why_not or str(self._cluster.get("why", "")) or ("" if self.capacity().slots else self._why_no_node())
-        nodes = [_told(node) for node in self._cluster["nodes"]] if self._link is not None else []
+        nodes = [_public(node) for node in self._cluster["nodes"]] if self._link is not None else []
         found: Json = {"ok": not why and not self._closing, "sandbox": self._layers(), "nodes": nodes}
         found |= {"running": len(self._runs), "slots": self.capacity().slots}
         return found | ({"why": why} if why else {})
 
     def _why_no_node(self) -> str:
-        refused = [f"{node['id']}: {node['why']}" for node in map(_told, self._cluster["nodes"]) if node["why"]]
+        refused = [f"{node['id']}: {node['why']}" for node in map(_public, self._cluster["nodes"]) if node["why"]]
         return f"no node of the Ray cluster takes work ({'; '.join(refused) or 'none has the labels and the cores'})"
 
     def _layers(self) -> dict[str, str]:
@@ -215,7 +294,7 @@ class RayExecutor:
         await asyncio.to_thread(self._slots.close)
 
 
-def _told(node: Json) -> Json:
+def _public(node: Json) -> Json:
     """Return a node for /readyz, which needs no key: without host names, and without error texts, which may contain such."""
     why = NOT_ASKED if node["why"].startswith(NOT_ASKED) else node["why"]
     return {"id": node["id"][:8], "slots": node["slots"], "why": why, "received": node["received"]}

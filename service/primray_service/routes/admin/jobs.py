@@ -12,7 +12,7 @@ from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ...api import admin_views
+from ...api import views
 from ...api.job_json import frame_json
 from ...api.models import JobPatch
 from ...http.answers import json_answer, json_bytes
@@ -50,7 +50,7 @@ def answered(service: Service, job: Job, status: int = 200) -> Response:
     return job_answer(job, json_bytes(admin_json(service, job)), status)
 
 
-@router.get("", answer(admin_views.AdminJobPage, headers=("Link",)), problems=("invalid-request",))
+@router.get("", answer(views.AdminJobPage, headers=("Link",)), problems=("invalid-request",))
 def list_jobs(
     caller: Admin,
     service: Serving,
@@ -84,13 +84,13 @@ def list_jobs(
     return json_answer({"items": items, "next_cursor": page.next_cursor}, headers=headers)
 
 
-@router.get("/{job_id}", answer(admin_views.AdminJob, headers=("ETag", "Retry-After")), problems=("not-found",))
+@router.get("/{job_id}", answer(views.AdminJob, headers=("ETag", "Retry-After")), problems=("not-found",))
 def show(job_id: JobId, caller: Admin, service: Serving) -> Response:
     """Return one job of any tenant."""
     return answered(service, found(service, job_id))
 
 
-@router.get("/{job_id}/frames", answer(admin_views.AdminFramePage), problems=("not-found", "invalid-request"))
+@router.get("/{job_id}/frames", answer(views.AdminFramePage), problems=("not-found", "invalid-request"))
 def frames(
     job_id: JobId,
     caller: Admin,
@@ -107,7 +107,7 @@ def frames(
 
 @router.patch(
     "/{job_id}",
-    answer(admin_views.AdminJob, headers=("ETag", "Retry-After")),
+    answer(views.AdminJob, headers=("ETag", "Retry-After")),
     problems=("not-found", "precondition-failed", "limit-exceeded"),
     headers=("If-Match",),
 )
@@ -126,7 +126,7 @@ def change(
 
 @router.post(
     "/{job_id}/cancel",
-    answer(admin_views.AdminJob, 202, "The job has ended, or ends soon.", headers=("ETag", "Retry-After")),
+    answer(views.AdminJob, 202, "The job has ended, or ends soon.", headers=("ETag", "Retry-After")),
     problems=CHANGED,
     headers=("If-Match",),
 )
@@ -140,7 +140,7 @@ def cancel(job_id: JobId, request: Request, caller: Admin, service: Serving) -> 
 
 @router.post(
     "/{job_id}/pause",
-    answer(admin_views.AdminJob, 202, "The job is paused, or soon will be.", headers=("ETag", "Retry-After")),
+    answer(views.AdminJob, 202, "The job is paused, or soon will be.", headers=("ETag", "Retry-After")),
     problems=CHANGED,
     headers=("If-Match",),
 )
@@ -154,7 +154,7 @@ def pause(job_id: JobId, request: Request, caller: Admin, service: Serving) -> R
 
 @router.post(
     "/{job_id}/resume",
-    answer(admin_views.AdminJob, 202, "Its frames are queued again.", headers=("ETag", "Retry-After")),
+    answer(views.AdminJob, 202, "Its frames are queued again.", headers=("ETag", "Retry-After")),
     problems=CHANGED,
     headers=("If-Match",),
 )
@@ -168,7 +168,7 @@ def resume(job_id: JobId, request: Request, caller: Admin, service: Serving) -> 
 
 @router.post(
     "/{job_id}/frames/{number}/retry",
-    answer(admin_views.AdminJob, 202, "The frame is queued again.", headers=("ETag", "Retry-After")),
+    answer(views.AdminJob, 202, "The frame is queued again.", headers=("ETag", "Retry-After")),
     problems=("not-found", "conflict", "invalid-request", "precondition-failed", "quota-exceeded"),
     headers=("If-Match",),
 )

@@ -10,7 +10,7 @@ from pydantic import Field
 from starlette.responses import Response
 
 from ...access.keys import TENANT
-from ...api import admin_views
+from ...api import views
 from ...http.answers import json_answer
 from ...http.bodies import json_body
 from ...http.callers import Admin, Serving
@@ -34,7 +34,7 @@ def tenant_json(service: Service, tenant: str, used: Usage) -> Json:
     return {**usage_json(tenant, used, quotas), "quotas": asdict(quotas), "quotas_set": set_here}
 
 
-@router.get("", answer(admin_views.TenantPage), problems=("invalid-request",))
+@router.get("", answer(views.TenantPage), problems=("invalid-request",))
 def list_tenants(
     caller: Admin,
     service: Serving,
@@ -48,13 +48,13 @@ def list_tenants(
     return json_answer({"items": items, "next_after": next_after})
 
 
-@router.get("/{tenant}", answer(admin_views.Tenant), problems=("invalid-request",))
+@router.get("/{tenant}", answer(views.Tenant), problems=("invalid-request",))
 def show(tenant: TenantName, caller: Admin, service: Serving) -> Response:
     """Return a tenant's usage and quotas; a tenant is created by naming it, so none is not found."""
     return json_answer(tenant_json(service, tenant, service.store.usage(tenant, time.time())))
 
 
-@router.patch("/{tenant}/quotas", answer(admin_views.Tenant, description="The tenant's quotas from now on."))
+@router.patch("/{tenant}/quotas", answer(views.Tenant, description="The tenant's quotas from now on."))
 def set_quotas(
     tenant: TenantName,
     caller: Admin,
@@ -73,7 +73,7 @@ def set_quotas(
     return show(tenant, caller, service)
 
 
-@router.delete("/{tenant}/quotas", answer(admin_views.Tenant), problems=("invalid-request",))
+@router.delete("/{tenant}/quotas", answer(views.Tenant), problems=("invalid-request",))
 def unset_quotas(tenant: TenantName, caller: Admin, service: Serving) -> Response:
     """Remove the quotas set by an administrator: those of the tenant's newest key apply again, or the server's."""
     service.store.set_quotas(tenant, {}, time.time())

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 from starlette.responses import Response
 
-from ...api import admin_views
+from ...api import views
 from ...api.job_json import time_text
 from ...http.answers import json_answer
 from ...http.callers import Admin, Serving
@@ -18,7 +18,7 @@ from ...jobs import Frame, Job, Json
 router = Router("/v1/admin/workers", tag="admin")
 
 
-@router.get("", answer(admin_views.Workers), problems=("invalid-request",))
+@router.get("", answer(views.Workers), problems=("invalid-request",))
 def list_workers(
     caller: Admin,
     service: Serving,

@@ -95,7 +95,7 @@ async def stream(service: Service, caller: Caller, job_id: str, after: int) -> A
     yield f"retry: {RETRY_MS}\n\n".encode()
     loop = asyncio.get_running_loop()
     spoke = loop.time()
-    told: Json | None = None  # position in the queue that was sent last
+    sent: Json | None = None  # position in the queue that was sent last
     with service.changes.watching(job_id) as changed:
         while not service.changes.closing:
             rows = await read(service, job_id, after, PAGE)
@@ -108,8 +108,8 @@ async def stream(service: Service, caller: Caller, job_id: str, after: int) -> A
             if await is_over(service, caller, job_id, after):
                 return
             place = await place_of(service, caller, job_id)
-            if place is not None and place != told:
-                told, spoke = place, loop.time()
+            if place is not None and place != sent:
+                sent, spoke = place, loop.time()
                 yield b"event: queue\ndata: %s\n\n" % json_bytes(place)
             if loop.time() - spoke >= HEARTBEAT_S:
                 spoke = loop.time()
@@ -122,7 +122,7 @@ async def place_of(service: Service, caller: Caller, job_id: str) -> Json | None
     job: Job = await found_shared(service, caller, job_id)
     if job.state is not JobState.QUEUED:
         return None
-    found = await service.reads.read(job_id, "place", lambda: service.places.of(job), age_s=PLACE_S)
+    found = await service.reads.read(job_id, "place", lambda: service.positions.of(job), age_s=PLACE_S)
     return None if found is None or found["place"] is None else found
 
 

@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ...api import scene_views
+from ...api import views
 from ...api.job_json import time_text
 from ...http.answers import json_answer
 from ...http.callers import Reader, Serving
@@ -29,7 +29,7 @@ IMMUTABLE = "private, max-age=31536000, immutable"
 REVALIDATED = "private, no-cache"  # a retried frame makes a file of the same name
 
 
-@router.get("/{job_id}/outputs", answer(scene_views.OutputList), problems=("not-found",))
+@router.get("/{job_id}/outputs", answer(views.OutputList), problems=("not-found",))
 def list_outputs(job_id: JobId, caller: Reader, service: Serving) -> Response:
     """List the files that the job has made so far, frame by frame."""
     found(service, caller, job_id)

@@ -100,10 +100,10 @@ class Database:
 
         return end
 
-    def listen(self, on_told: Callable[[Json], None]) -> None:
+    def listen(self, on_notice: Callable[[Json], None]) -> None:
         """Start listening, once: subscribers then hear of other servers' changes too, and `on_told` gets their notices."""
         if not self.is_sqlite:
-            self._notices = Notices(self._writer, self._tell_subscribers, on_told)
+            self._notices = Notices(self._writer, self._tell_subscribers, on_notice)
 
     def tell(self, words: Json) -> None:
         if self._notices is not None:

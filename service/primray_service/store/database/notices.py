@@ -37,10 +37,10 @@ class Notices:
     """Sender and receiver of notices. `on_change` and `on_told` are called with other servers' notices, in a thread of its
     own."""
 
-    def __init__(self, engine: Engine, on_change: Callable[[str], None], on_told: Callable[[Json], None]) -> None:
+    def __init__(self, engine: Engine, on_change: Callable[[str], None], on_notice: Callable[[Json], None]) -> None:
         self._engine = engine
         self._on_change = on_change
-        self._on_told = on_told
+        self._on_told = on_notice
         self._me = ulid(0.0)[10:]
         self._waiting: queue.Queue[Told] = queue.Queue(MOST_WAITING)
         self._unsent: list[Told] = []  # taken, and maybe lost with a connection

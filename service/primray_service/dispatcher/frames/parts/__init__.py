@@ -4,6 +4,5 @@ parallel_frame.py   the frame while it runs: hands out parts, has them merged, a
 plan.py             the next part, the next decision about the error, and the end; ledger.py: which samples are merged, done or
                     in progress (both pure); primray.distributed.planner: samples in the next part
 part_run.py         one part; merge_run.py: one merge, the adoption of its checkpoint, and the pace of merges
-select_mode.py      whether a frame is rendered as parts
 progress.py         the frame's progress, from all of its parts
 """

@@ -18,8 +18,8 @@ from ....jobs import Frame, Job, Json, Part, Scene
 from ....problems import Problem
 from ...chunks import adoption, commands
 from ...chunks.chunk_run import ChunkRun
+from ...chunks.commands import stage_inputs
 from ...chunks.messages import Checkpoint, Done, NotBelieved, mapping, number, whole
-from ...chunks.stage_inputs import stage_inputs
 from ...context import Context
 from .. import run_completion
 from ..outcomes import Again, Broken, Circumstances, Outcome, Picture, outcome_of

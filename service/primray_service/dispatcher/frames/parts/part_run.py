@@ -13,9 +13,9 @@ from ....jobs import Frame, Job, Part, PartState, Scene
 from ....problems import Problem
 from ...chunks import adoption, commands
 from ...chunks.chunk_run import ChunkRun
+from ...chunks.commands import stage_inputs
 from ...chunks.inbox import Inbox
 from ...chunks.messages import Checkpoint
-from ...chunks.stage_inputs import stage_inputs
 from ...context import Context
 from .. import outcomes, run_completion
 from ..outcomes import Again, Broken, Circumstances, GivenUp, Outcome, Picture, outcome_of

@@ -21,10 +21,9 @@ from ..link import NotConnected
 from ..node.fitness import wanted_here
 from ..node.tasks import mailbox_actor
 from .cluster import Cluster
-from .connection import connect
+from .connection import connect, what_runs
 from .contents import Contents
 from .given_chunk import GivenChunk
-from .running import what_runs
 
 
 class Driver:

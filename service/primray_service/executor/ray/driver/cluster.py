@@ -45,7 +45,7 @@ class Cluster:
         self._nodes: dict[str, Node] = {}
         self._asking: set[asyncio.Task[None]] = set()
         self._away = ""  # why its head does not answer
-        self._told: Json = {}
+        self._reported: Json = {}
         self.room: Room = room({}, settings["cores"], settings["limits"]["memory_bytes"])
 
     async def watch(self) -> None:
@@ -82,7 +82,7 @@ class Cluster:
     def _is_away(self, why: str) -> None:
         """Report that the head is away: no chunk is handed out, and running ones continue."""
         self._away = f"the head of the Ray cluster {why}"
-        if self._told:
+        if self._reported:
             self._say()
 
     def _is_ours(self, row: Mapping[str, Any]) -> bool:
@@ -129,7 +129,7 @@ class Cluster:
         working = {node.id: node.resources for node in self._nodes.values() if node.is_known and not node.why}
         self.room = room(working, self._settings["cores"], self._settings["limits"]["memory_bytes"])
         slots = 0 if self._away else self._settings["slots"] or self.room.total
-        told = {
+        report = {
             "at": "cluster",
             "slots": slots,
             "cores": self.room.cores,
@@ -137,9 +137,9 @@ class Cluster:
             "why": f"{self._away}; jobs stay queued" if self._away else "",
             "nodes": [self._row(node) for node in self._nodes.values() if node.is_known],
         }
-        if told != self._told:
-            self._told = told
-            self._tell(told)
+        if report != self._reported:
+            self._reported = report
+            self._tell(report)
 
     def _row(self, node: Node) -> Json:
         slots = 0 if node.why else self.room.slots.get(node.id, 0)

@@ -1,15 +1,18 @@
-"""Connection to an existing cluster, with clear errors if it fails."""
+"""Connection to an existing cluster, with clear errors if it fails; and the chunks that all drivers run there."""
 
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
 
 import ray
-from ray.exceptions import AuthenticationError
+from ray.exceptions import AuthenticationError, RayError
 
+from ....jobs import Json
 from .. import protocol
 from ..link import NotConnected
+from ..node.tasks import ask_running, owners
 
 ANSWER_WITHIN_S = 5.0
 NO_TOKEN = (
@@ -54,3 +57,22 @@ def _require_listener(host: str, port: int) -> None:
 
 def _first_line(error: Exception) -> str:
     return (str(error).strip().splitlines() or [type(error).__name__])[0][:500]
+
+
+OWNERS_WITHIN_S = 5.0
+
+
+async def what_runs(asking: str) -> list[Json]:
+    """Return the running chunks by owner, except those of the asking driver; an owner that does not answer is ending and is
+    left out."""
+    found = []
+    for owner in await asyncio.to_thread(owners):
+        if owner == asking:
+            continue
+        try:
+            asked = await asyncio.to_thread(ask_running, owner)
+            chunks = await asyncio.wait_for(asyncio.wrap_future(asked.future()), OWNERS_WITHIN_S)
+        except (RayError, ValueError, TimeoutError):
+            continue
+        found.append({"owner": owner, "chunks": chunks})
+    return found

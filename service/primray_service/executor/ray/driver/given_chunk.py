@@ -148,7 +148,7 @@ class GivenChunk:
             self._tell({"at": "message", "id": self.id, "message": item.message})
         elif isinstance(item, End):
             (self._folder / "log.txt").write_bytes(item.log)
-            return {**item.told, "log_file": True}
+            return {**item.about, "log_file": True}
         elif isinstance(item, Part | FileEnd):
             if isinstance(item, Part) and len(item.data) > IN_LOOP_BYTES:
                 await asyncio.to_thread(self._received.take, item)

@@ -1,12 +1,16 @@
 """A chunk on a node: its files come, its worker runs in the same sandbox as on one machine, its messages and files go back.
 
-Ray's process is trusted as the server is; the worker is not, so nothing of a scene is opened here.
+A LocalExecutor in a thread of its own runs all chunks that this Ray process is given, one after another, so that the next one
+finds a warm worker, or one that has its stage open. Ray's process is trusted as the server is; the worker is not, so nothing
+of a scene is opened here.
 """
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import os
+import queue
 import stat
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -14,15 +18,15 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ....files import DataDirectory
 from ....jobs import Json
 from ....limits import Limits
-from ...base import Chunk, Ended
+from ...base import Chunk, Ended, Handle
+from ...local import LocalExecutor
 from .cache import NodeCache, Read, node_folder
 from .fitness import fitness
-from .runner import Runner, Running
 from .transfer import PART_BYTES, Begun, End, FileEnd, Item, Message, Order, Part, Refused
 
 Take = Callable[[], list[Json] | None]  # returns the mailbox's commands for the chunk; None: it is over
@@ -52,7 +56,7 @@ def run(order: Order, node: str, read: Read, take: Take) -> Iterator[list[Item]]
         running = _runner(order).begin(chunk)
         stack.callback(running.release)
         threading.Thread(target=_listen, args=(running, take), name="mailbox", daemon=True).start()
-        yield from _told(running, Limits(**order.limits).output_bytes)
+        yield from _items_of(running, Limits(**order.limits).output_bytes)
 
 
 def _fetched(order: Order, node: str, read: Read, stack: ExitStack) -> tuple[Chunk, Begun]:
@@ -98,7 +102,7 @@ def _listen(running: Running, take: Take) -> None:
             running.heed(command)
 
 
-def _told(running: Running, most_bytes: int) -> Iterator[list[Item]]:
+def _items_of(running: Running, most_bytes: int) -> Iterator[list[Item]]:
     """Yield items until the chunk ends."""
     while True:
         news = running.news.get()
@@ -119,8 +123,8 @@ def _told(running: Running, most_bytes: int) -> Iterator[list[Item]]:
 
 def _end(ended: Ended) -> End:
     log = ended.log_file.read_bytes() if ended.log_file is not None and ended.log_file.is_file() else ended.log.encode()
-    told = {name: getattr(ended, name) for name in ("reason", "exit_code", "cpu_s", "peak_rss_bytes", "log", "protocol_error")}
-    return End({**told, "signal": None if ended.signal is None else int(ended.signal)}, log)
+    about = {name: getattr(ended, name) for name in ("reason", "exit_code", "cpu_s", "peak_rss_bytes", "log", "protocol_error")}
+    return End({**about, "signal": None if ended.signal is None else int(ended.signal)}, log)
 
 
 def files_of(message: Mapping[str, Any]) -> list[str]:
@@ -151,3 +155,57 @@ def taken(folder: Path, name: str, most_bytes: int) -> Iterator[Part | FileEnd]:
     with suppress(OSError):
         os.unlink(folder / name)
     yield FileEnd(name, sha256.hexdigest())
+
+
+T = TypeVar("T")
+News = Mapping[str, Any] | Ended
+
+
+class Runner:
+    def __init__(self, data: DataDirectory, limits: Limits, cores: int) -> None:
+        self._loop = asyncio.new_event_loop()
+        # Workers die with the thread that started them: this one lives as long as the process.
+        threading.Thread(target=self._loop.run_forever, name="runner", daemon=True).start()
+        self._executor = LocalExecutor(data, limits, slots=1, cores=cores)
+        self.call(self._executor.open)
+
+    def call(self, work: Callable[[], T]) -> T:
+        """Call the function in that thread, and wait for it."""
+
+        async def done() -> T:
+            return work()
+
+        return asyncio.run_coroutine_threadsafe(done(), self._loop).result()
+
+    def begin(self, chunk: Chunk) -> Running:
+        return Running(self, chunk)
+
+    def submit(self, chunk: Chunk, news: queue.SimpleQueue[News]) -> Handle:
+        """Submit a chunk; must be called in that thread."""
+        handle = self._executor.submit(chunk, news.put)
+        asyncio.ensure_future(handle.result()).add_done_callback(lambda ended: news.put(ended.result()))
+        return handle
+
+    def close(self) -> None:
+        asyncio.run_coroutine_threadsafe(self._executor.close(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+
+
+class Running:
+    """A running chunk; its methods are thread-safe."""
+
+    def __init__(self, runner: Runner, chunk: Chunk) -> None:
+        self._runner = runner
+        self.news: queue.SimpleQueue[News] = queue.SimpleQueue()
+        self._handle = runner.call(lambda: runner.submit(chunk, self.news))
+        self.folder = self._handle.folder
+
+    def heed(self, command: Json) -> None:
+        if command["do"] == "kill":
+            self._runner.call(self._handle.kill)
+        else:
+            self._runner.call(lambda: self._handle.tell(command))
+
+    def release(self) -> None:
+        self._runner.call(self._handle.kill)  # has no effect if it has ended
+        self._runner.call(self._handle.release)

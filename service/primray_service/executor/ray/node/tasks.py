@@ -1,8 +1,15 @@
-"""Everything that Ray is asked to run on nodes. Functions of modules are sent by name, so a node must have the same primray."""
+"""Everything that Ray is asked to run on nodes. Functions of modules are sent by name, so a node must have the same primray.
+
+The driver's mailbox is an actor beside it: running chunks poll it for the server's commands with a blocking call, and it
+knows what runs where.
+"""
 
 from __future__ import annotations
 
+import asyncio
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -14,7 +21,6 @@ from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 from ....jobs import Json
 from . import chunk_task
 from .fitness import Fitness, fitness
-from .mailbox import Mailbox
 from .transfer import Item, Order, Wanted
 
 MOST_AHEAD = 16  # items of a task that nobody has taken yet: results must not fill the object store
@@ -33,7 +39,7 @@ def _run_chunk(order: Order, mailbox: Any) -> Iterator[list[Item]]:
     yield from chunk_task.run(order, ray.get_runtime_context().get_node_id(), ray.get, take)
 
 
-def _told_fitness(wanted: Wanted) -> Fitness:
+def _fitness_of_node(wanted: Wanted) -> Fitness:
     return fitness(wanted)
 
 
@@ -59,7 +65,7 @@ def give_chunk(order: Order, mailbox: Any, resources: Mapping[str, Any], labels:
 def ask_fitness(node_id: str, wanted: Wanted) -> Any:
     """Return a ref to the Fitness of a node; the task takes none of its cores."""
     where = NodeAffinitySchedulingStrategy(node_id, soft=False)
-    return _remote(_told_fitness).options(num_cpus=0, max_retries=0, scheduling_strategy=where).remote(wanted)
+    return _remote(_fitness_of_node).options(num_cpus=0, max_retries=0, scheduling_strategy=where).remote(wanted)
 
 
 def mailbox_actor(node_id: str, owner: str) -> Any:
@@ -84,3 +90,50 @@ def owners() -> list[str]:
 def ask_running(owner: str) -> Any:
     """Return a ref to the running chunks of that owner; ValueError if it is gone."""
     return ray.get_actor(f"{MAILBOX}{owner}").running.remote()
+
+
+ANSWER_AFTER_S = 20.0  # at the latest
+MOST_OVER = 10_000  # ended chunks that are remembered
+
+
+class Mailbox:
+    """Mailbox of one driver. All methods run in one event loop."""
+
+    def __init__(self) -> None:
+        self._letters: dict[str, list[Json]] = defaultdict(list)
+        self._news: dict[str, asyncio.Event] = defaultdict(asyncio.Event)
+        self._over: dict[str, None] = {}  # in the order in which they ended
+        self._running: dict[str, Json] = {}
+
+    async def put(self, key: str, command: Json) -> None:
+        if key not in self._over:
+            self._letters[key].append(command)
+            self._news[key].set()
+
+    async def take(self, key: str) -> list[Json] | None:
+        """Return new commands, maybe none. None: the chunk is over."""
+        if key not in self._over:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._news[key].wait(), ANSWER_AFTER_S)
+        if key in self._over:
+            return None
+        self._news[key].clear()
+        return self._letters.pop(key, [])
+
+    async def began(self, key: str, about: Json) -> None:
+        """Record that a node has the chunk."""
+        if key not in self._over:
+            self._running[key] = about
+
+    async def running(self) -> list[Json]:
+        return list(self._running.values())
+
+    async def forget(self, key: str) -> None:
+        """Record that the chunk is over."""
+        self._over[key] = None
+        self._running.pop(key, None)
+        while len(self._over) > MOST_OVER:
+            del self._over[next(iter(self._over))]
+        self._letters.pop(key, None)
+        if key in self._news:
+            self._news.pop(key).set()

@@ -81,9 +81,9 @@ class Message:
 
 @dataclass(frozen=True)
 class End:
-    """End of a chunk; `told`: base.Ended without what is on this node."""
+    """End of a chunk; `about`: base.Ended without what is on this node."""
 
-    told: Json
+    about: Json
     log: bytes
 
 
