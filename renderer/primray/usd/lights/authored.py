@@ -6,7 +6,8 @@ Inputs without an effect, such as the shaping of a light without an area, are no
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from pxr import Sdf, UsdLux
@@ -31,6 +32,21 @@ _FORMATS = ("automatic", "latlong", "mirroredBall", "angular", "cubeMapVerticalC
 COOLEST_K, HOTTEST_K = 1000.0, 10000.0  # the range of UsdLux.BlackbodyTemperatureAsRgb
 
 
+T = TypeVar("T")
+
+
+class _ReadOnce(Generic[T]):
+    """A property that is computed on first use; functools.cached_property also locks, which takes longer than a read."""
+
+    def __init__(self, read: Callable[[Any], T]) -> None:
+        self._read, self._name = read, read.__name__
+
+    def __get__(self, light: AuthoredLight, owner: type[AuthoredLight]) -> T:
+        found: T = self._read(light)
+        light.__dict__[self._name] = found
+        return found
+
+
 class AuthoredLight:
     """The inputs of one light, in the rendering space and within their ranges; what is wrong with them is reported."""
 
@@ -41,21 +57,21 @@ class AuthoredLight:
     def warn(self, code: str, message: str, attribute: str = "") -> None:
         self.ctx.warn(code, self.prim.path, message, attribute)
 
-    @cached_property
+    @_ReadOnce
     def amount(self) -> Photometric | None:
         """Lumens or lux that the light is to give; None if its radiance counts."""
         return read_amount(self.prim, lambda: self.illuminant, self.ctx)
 
-    @cached_property
+    @_ReadOnce
     def normalizes(self) -> bool:
         """Whether emission is divided by the area: normalize is on, or a photometric amount is given."""
         return self.amount is not None or self._flag("inputs:normalize")
 
-    @cached_property
+    @_ReadOnce
     def illuminant(self) -> Illuminant | None:
         return read_illuminant(self.prim, self.ctx)
 
-    @cached_property
+    @_ReadOnce
     def radiance(self) -> Color:
         """Radiance before division by the light's size."""
         r, g, b = light_color(self.prim, "inputs:color", (1.0, 1.0, 1.0), self.ctx)
@@ -70,55 +86,55 @@ class AuthoredLight:
             r, g, b = r * x, g * y, b * z
         return (r * scale, g * scale, b * scale)
 
-    @cached_property
+    @_ReadOnce
     def width(self) -> float:
         return self._size("inputs:width", 1.0)
 
-    @cached_property
+    @_ReadOnce
     def height(self) -> float:
         return self._size("inputs:height", 1.0)
 
-    @cached_property
+    @_ReadOnce
     def radius(self) -> float:
         return self._size("inputs:radius", 0.5)
 
-    @cached_property
+    @_ReadOnce
     def length(self) -> float:
         return self._size("inputs:length", 1.0)
 
-    @cached_property
+    @_ReadOnce
     def angle_deg(self) -> float:
         """Full angle of a distant light."""
         return self._clamped("inputs:angle", 0.53, 0.0, 360.0)
 
-    @cached_property
+    @_ReadOnce
     def is_point(self) -> bool:
         """Whether a sphere is treated as a point."""
         return flag(self.prim.prim, "treatAsPoint", self.ctx.when, False)
 
-    @cached_property
+    @_ReadOnce
     def is_line(self) -> bool:
         """Whether a cylinder is treated as a line."""
         return flag(self.prim.prim, "treatAsLine", self.ctx.when, False)
 
-    @cached_property
+    @_ReadOnce
     def diffuse(self) -> float:
         return self._clamped("inputs:diffuse", 1.0, 0.0, BRIGHTEST_RADIANCE)
 
-    @cached_property
+    @_ReadOnce
     def specular(self) -> float:
         return self._clamped("inputs:specular", 1.0, 0.0, BRIGHTEST_RADIANCE)
 
-    @cached_property
+    @_ReadOnce
     def shaping(self) -> Shaping | None:
         return read_shaping(self.prim, self.ctx)
 
-    @cached_property
+    @_ReadOnce
     def pole_axis(self) -> str:
         """DomeLight_1's token."""
         return token(self.prim.prim, "poleAxis", self.ctx.when, "scene")
 
-    @cached_property
+    @_ReadOnce
     def texture(self) -> TextureFile | None:
         """Texture of a dome or rectangle; None, with a diagnostic, if its file is missing."""
         if TEXTURE not in self.prim.names:
@@ -131,7 +147,7 @@ class AuthoredLight:
             return None
         return light_texture(asset.resolvedPath, self.prim.prim.GetAttribute(TEXTURE), self.prim, self.ctx)
 
-    @cached_property
+    @_ReadOnce
     def texture_format(self) -> str:
         """Layout of a dome's texture."""
         layout = token(self.prim.prim, "inputs:texture:format", self.ctx.when, "automatic")
