@@ -27,7 +27,7 @@ SAID = import json, sys; error = json.load(open(sys.argv[1]))["error"]["display"
   f"exact picture by {error:.1f} of 255 (root mean square, as shown).\nYour own next, until that is 2:  $(BIN)/primray render " \
   "YOUR.usda -o picture.png --error-metric display --target-error 2")
 
-.PHONY: help setup cores demo lint test test-all test-long check format stubs docs site bench render-assets wheel release clean
+.PHONY: help setup cores demo lint test test-all test-long debug check format stubs docs site bench render-assets wheel release clean
 
 help:  ## list the commands
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -50,6 +50,15 @@ test-all: setup  ## run all tests but the long ones, as .ci/run does: services, 
 
 test-long: cores  ## run all tests, the long ones too, on every ISA class that this CPU runs
 	$(BIN)/python -m pytest -m ""
+
+# Python itself is not compiled for the sanitizers: their library and the one of C++, whose exceptions it intercepts, are loaded before
+# it, and what Python keeps is no leak. Output is not captured, since a failed assertion ends the process.
+SANITIZED = LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" \
+  ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1 PRIMRAY_CORES=$(CURDIR)/build/debug PRIMRAY_ISA=v3
+
+debug: setup  ## build the core with assertions and sanitizers, and run the tests of kernels and units on it (DEBUG=tests/...: those)
+	$(BIN)/python renderer/core/build.py debug
+	$(SANITIZED) $(BIN)/python -m pytest --capture=sys $(or $(DEBUG),tests/kernels tests/unit)
 
 lint: setup  ## check format, lint and types
 	$(BIN)/ruff format --check $(PYTHON_SOURCES)

@@ -4,6 +4,7 @@
     python renderer/core/build.py install v2      with the core for v2 too
     python renderer/core/build.py install all     with one for each class that this CPU runs
     python renderer/core/build.py wheel           a wheel into dist/, with all three
+    python renderer/core/build.py debug           a core with assertions, under sanitizers, into build/debug/
 
 What pip and ninja say is in build/pip.log, and shown when they fail.
 """
@@ -65,9 +66,24 @@ class Counter:
 
 
 def pip(what: str, *arguments: str) -> int:
-    """Runs pip; its exit code."""
+    """Run pip and return its exit code."""
+    return logged(what, [sys.executable, "-m", "pip", "--disable-pip-version-check", "--verbose", *arguments])
+
+
+def debug(isa: str) -> int:
+    """Build one ISA class with assertions and sanitizers into build/debug, for PRIMRAY_CORES; return the exit code."""
+    folder, tools = ROOT / "build" / "debug", Path(sys.executable).parent
+    nanobind = subprocess.run([sys.executable, "-m", "nanobind", "--cmake_dir"], capture_output=True, text=True, check=True)
+    configure = [f"{tools / 'cmake'}", "-G", "Ninja", "-S", f"{ROOT / 'renderer' / 'core'}", "-B", f"{folder}"]
+    configure += [f"-DPRIMRAY_ISAS={isa}", "-DPRIMRAY_DEBUG=ON", f"-Dnanobind_DIR={nanobind.stdout.strip()}"]
+    configure += [f"-DPython_EXECUTABLE={sys.executable}", f"-DCMAKE_MAKE_PROGRAM={tools / 'ninja'}"]
+    what = f"compiling the core with assertions ({isa})"
+    return logged(what, configure) or logged(what, [f"{tools / 'ninja'}", "-C", f"{folder}"])
+
+
+def logged(what: str, command: list[str]) -> int:
+    """Run a command that compiles and return its exit code; one line counts the files, and its output is shown if it fails."""
     LOG.parent.mkdir(exist_ok=True)
-    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--verbose", *arguments]
     counter = Counter(what)
     with (
         LOG.open("w", encoding="utf-8") as log,
@@ -97,6 +113,8 @@ def main(arguments: list[str]) -> int:
             )
         case ["wheel"]:
             return pip("compiling the core for a wheel", "wheel", *building, "--wheel-dir", "dist", ".")
+        case ["debug"]:
+            return debug("v3")
     print(__doc__, file=sys.stderr)
     return 2
 

@@ -11,7 +11,7 @@
 #include "bsdf/basics/varying_inputs.hpp"
 #include "bsdf/hair/row.hpp"
 #include "bsdf/open_pbr/row.hpp"
-#include "math/lanes.hpp"
+#include "math/lane_checks.hpp"
 
 namespace primray {
 
@@ -231,7 +231,9 @@ struct SurfaceRows {
       : rows(table.rows.data()),
         base(surface * vint<W>(kSurfaceFields)),
         open_pbr(table.open_pbr.data()),
-        hair(table.hair.data()) {}
+        hair(table.hair.data()) {
+    PRIMRAY_ASSERT(are_rows(surface, table.rows.size() / kSurfaceFields));
+  }
   PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
   // Reads three columns at once; no colour is the last of a row.
   PRIMRAY_INLINE vvec3<W> color(int field) const {

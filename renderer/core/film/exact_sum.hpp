@@ -13,6 +13,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "base/assert.hpp"
+
 namespace primray {
 
 constexpr int kBinBits = 40;
@@ -26,6 +28,7 @@ inline int bin_of(float magnitude) {
 
 // 2^(40 bin), from one below the lowest to one above the highest.
 inline double unit_of(int bin) {
+  PRIMRAY_ASSERT(bin >= kLowestBin - 1 && bin <= kLowestBin + 9);
   constexpr double kUnits[] = {0x1p-200, 0x1p-160, 0x1p-120, 0x1p-80, 0x1p-40, 1, 0x1p40, 0x1p80, 0x1p120, 0x1p160, 0x1p200};
   return kUnits[bin - kLowestBin + 1];
 }

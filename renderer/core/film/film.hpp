@@ -11,6 +11,7 @@
 #include <mutex>
 #include <vector>
 
+#include "base/assert.hpp"
 #include "film/exact_sum.hpp"
 
 namespace primray {
@@ -67,7 +68,10 @@ struct Film {
   int tiles() const { return tiles_x * tiles_y; }
   std::mutex& lock_of(int tile) { return locks[size_t(tile) % locks.size()]; }
   size_t pixels() const { return size_t(width) * height; }
-  size_t at(int replicate, int x, int y) const { return (size_t(replicate) * height + y) * width + x; }
+  size_t at(int replicate, int x, int y) const {
+    PRIMRAY_ASSERT(replicate >= 0 && replicate < kReplicates && x >= 0 && x < width && y >= 0 && y < height);
+    return (size_t(replicate) * height + y) * width + x;
+  }
 
   ExactSum sum(size_t pixel, int color) const {
     const size_t i = pixel * kColors + color;

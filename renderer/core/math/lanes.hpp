@@ -11,9 +11,16 @@
 #include <cstring>
 #include <type_traits>
 
+#include "base/assert.hpp"
+
 namespace primray {
 
+// A debug build leaves inlining to the compiler: instrumented, whole path loops in one function take minutes to compile.
+#if PRIMRAY_DEBUG
+#define PRIMRAY_INLINE inline
+#else
 #define PRIMRAY_INLINE inline __attribute__((always_inline))
+#endif
 // Code that few scenes need: not inlined, so that it takes no registers and no space in the loop of the others.
 #define PRIMRAY_RARE inline __attribute__((noinline))
 
@@ -59,9 +66,18 @@ struct vbool<16> {
 };
 #endif
 
+// Whether each lane has all bits set or none.
+template <int W>
+bool is_mask(vbool<W> m) {
+  for (int i = 0; i < W; ++i)
+    if (m.v[i] != 0 && m.v[i] != -1) return false;
+  return true;
+}
+
 // Bits of the lanes that are true, lane 0 lowest.
 template <int W>
 PRIMRAY_INLINE uint32_t bits(vbool<W> m) {
+  PRIMRAY_ASSERT(is_mask(m));
   uint32_t r = 0;
   for (int i = 0; i < W; ++i) r |= uint32_t(m.v[i] & 1) << i;
   return r;
@@ -70,9 +86,15 @@ PRIMRAY_INLINE uint32_t bits(vbool<W> m) {
 PRIMRAY_INLINE uint32_t bits(vbool<16> m) { return m.mask; }
 #endif
 #if defined(__AVX__)
-PRIMRAY_INLINE uint32_t bits(vbool<8> m) { return _mm256_movemask_ps((__m256)m.v); }
+PRIMRAY_INLINE uint32_t bits(vbool<8> m) {
+  PRIMRAY_ASSERT(is_mask(m));
+  return _mm256_movemask_ps((__m256)m.v);
+}
 #endif
-PRIMRAY_INLINE uint32_t bits(vbool<4> m) { return _mm_movemask_ps((__m128)m.v); }
+PRIMRAY_INLINE uint32_t bits(vbool<4> m) {
+  PRIMRAY_ASSERT(is_mask(m));
+  return _mm_movemask_ps((__m128)m.v);
+}
 
 template <int W>
 PRIMRAY_INLINE bool any(vbool<W> m) {
@@ -303,7 +325,14 @@ template <class T, int W>
 PRIMRAY_INLINE void store(T* p, Vector<T, W> a) {
   std::memcpy(p, &a.v, sizeof a.v);
 }
-#if defined(__AVX512F__)
+// A debug build reads lane by lane, since sanitizers do not check what gather instructions read.
+#if defined(__AVX512F__) && !PRIMRAY_DEBUG
+#define PRIMRAY_GATHER_16 1
+#endif
+#if defined(__AVX2__) && !PRIMRAY_DEBUG
+#define PRIMRAY_GATHER_8 1
+#endif
+#if PRIMRAY_GATHER_16
 PRIMRAY_INLINE vfloat<16> gather16(const float* base, vint<16> index) {
   return (vfloat<16>::Raw)_mm512_i32gather_ps((__m512i)index.v, base, 4);
 }
@@ -311,7 +340,7 @@ PRIMRAY_INLINE vint<16> gather16(const int32_t* base, vint<16> index) {
   return (vint<16>::Raw)_mm512_i32gather_epi32((__m512i)index.v, base, 4);
 }
 #endif
-#if defined(__AVX2__)
+#if PRIMRAY_GATHER_8
 PRIMRAY_INLINE vfloat<8> gather8(const float* base, vint<8> index) {
   return (vfloat<8>::Raw)_mm256_i32gather_ps(base, (__m256i)index.v, 4);
 }
@@ -322,10 +351,10 @@ PRIMRAY_INLINE vint<8> gather8(const int32_t* base, vint<8> index) {
 // base[index] in every lane: all lanes' indices must be in range, even of lanes that are not used.
 template <int W, class T>
 PRIMRAY_INLINE Vector<T, W> gather(const T* base, vint<W> index) {
-#if defined(__AVX512F__)
+#if PRIMRAY_GATHER_16
   if constexpr (W == 16) return gather16(base, index);
 #endif
-#if defined(__AVX2__)
+#if PRIMRAY_GATHER_8
   if constexpr (W == 8) return gather8(base, index);
 #endif
   Vector<T, W> r;

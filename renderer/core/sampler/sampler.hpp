@@ -8,7 +8,7 @@
 // at a time.
 #pragma once
 
-#include "math/lanes.hpp"
+#include "math/lane_checks.hpp"
 
 namespace primray {
 
@@ -145,6 +145,7 @@ struct Sampler {
   }
 
   PRIMRAY_INLINE vuint<W> dimension_seed(vint<W> bounce, Purpose purpose) const {
+    PRIMRAY_ASSERT(purpose < Purpose::kCount);
     const vuint<W> dimension = bit_cast<vuint<W>>(bounce) * vuint<W>(uint32_t(Purpose::kCount)) + vuint<W>(uint32_t(purpose));
     return mix(seed ^ (dimension * vuint<W>(0x9e3779b9u)));
   }

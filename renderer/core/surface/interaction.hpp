@@ -165,6 +165,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   if (any(is_triangle)) {
     const vint<W> triangle = in.triangle(scene, is_triangle, h);
     const vint<W> mesh = gather<W>(scene.triangle_mesh.data(), triangle);
+    PRIMRAY_ASSERT(are_rows(mesh, scene.meshes.surface.size()));
     r.surface = gather<W>(scene.meshes.surface.data(), mesh);
     r.mesh = mesh, r.triangle = triangle;
     const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
@@ -247,6 +248,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     const vvec3<W> n = direction_of(normal);
     const vfloat<W> side = dot(n, r.ng);
     smooth &= abs(side) > vfloat<W>(0.0f);
+    PRIMRAY_ASSERT(are_unit(smooth & active, n));
     r.ns = select(smooth, n * copysign(vfloat<W>(1.0f), side), r.ns);
   }
   r.smooth = smooth;

@@ -1,6 +1,7 @@
 // Surface point of W hits for varying inputs: mesh and triangle, its corners and edges, and the instance.
 #pragma once
 
+#include "math/lane_checks.hpp"
 #include "surface/curved_hit.hpp"
 #include "surface/hit_group.hpp"
 
@@ -14,6 +15,7 @@ PRIMRAY_INLINE vvec3<W> gather_vec3(const float* base, vint<W> at) {
 // Rows of three values of a padded table, such as Scene::positions and ::indices.
 template <int W>
 PRIMRAY_INLINE vvec3<W> gather_position(const Scene& scene, vint<W> vertex) {
+  PRIMRAY_ASSERT(are_rows(vertex, scene.positions.size() / 3));
   const FourLanes<float, W> p = gather_four<W>(scene.positions.data(), vertex * vint<W>(3));
   return {p.x, p.y, p.z};
 }
@@ -44,6 +46,7 @@ PRIMRAY_INLINE void gather_positions(const Scene& scene, const vint<W> (&corner)
 // Vertices of the triangle; `vertex_base` is its group's first.
 template <int W>
 PRIMRAY_INLINE void gather_vertices(const Scene& scene, vint<W> triangle, vint<W> first, vint<W> (&corner)[3]) {
+  PRIMRAY_ASSERT(are_rows(triangle, scene.triangle_mesh.size()));
   const auto i = gather_four<W>(reinterpret_cast<const int32_t*>(scene.indices.data()), triangle * vint<W>(3));
   corner[0] = first + i.x, corner[1] = first + i.y, corner[2] = first + i.z;
 }

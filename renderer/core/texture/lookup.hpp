@@ -5,6 +5,7 @@
 // darken the edge of every texture that just fills its surface, the more the coarser the level.)
 #pragma once
 
+#include "math/lane_checks.hpp"
 #include "texture/texture.hpp"
 
 namespace primray {
@@ -21,10 +22,10 @@ struct Texels {
 // base[index] in the low half of each lane, base[index + 1] in the high half.
 template <int W>
 PRIMRAY_INLINE vint<W> gather_pairs(const uint16_t* base, vint<W> index) {
-#if defined(__AVX512F__)
+#if PRIMRAY_GATHER_16
   if constexpr (W == 16) return (typename vint<W>::Raw)_mm512_i32gather_epi32((__m512i)index.v, base, 2);
 #endif
-#if defined(__AVX2__)
+#if PRIMRAY_GATHER_8
   if constexpr (W == 8) return (typename vint<W>::Raw)_mm256_i32gather_epi32((const int*)base, (__m256i)index.v, 2);
 #endif
   vint<W> r;
@@ -39,6 +40,7 @@ PRIMRAY_INLINE vint<W> gather_pairs(const uint16_t* base, vint<W> index) {
 // Texels whose first channel is at `at`.
 template <int C, int W>
 PRIMRAY_INLINE Texels<C, W> fetch(const TextureImage& image, vint<W> at) {
+  PRIMRAY_ASSERT(are_rows(at + vint<W>(C - 1), image.format == TexelFormat::kFloat ? image.large.size() : image.small.size()));
   Texels<C, W> r;
   if (image.format == TexelFormat::kFloat) {
     for (int c = 0; c < C; ++c) r.c[c] = gather<W>(image.large.data() + c, at);

@@ -1,15 +1,18 @@
 """The compiled core: choice of the module by the CPU, its settings and errors. Only this imports `_core_*`.
 
 Modules exist for x86-64 v2, v3 and v4. The environment variables `PRIMRAY_ISA` (v2, v3, v4) and `PRIMRAY_LANES` (1, 4, 8, 16)
-override the choice.
+override the choice; `PRIMRAY_CORES` names a folder with another build's modules, such as those of `make debug`.
 """
 
 from __future__ import annotations
 
 import hashlib
 import importlib
+import importlib.util
 import os
+import sys
 from functools import cache
+from importlib.machinery import PathFinder
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
@@ -90,7 +93,7 @@ def load(isa: str) -> ModuleType:
     """Return the extension module for an ISA class, with Embree loaded."""
     name = f"primray._core_{isa}"
     try:
-        core = importlib.import_module(name)
+        core = _imported(name)
     except ModuleNotFoundError as error:
         if error.name != name:
             raise
@@ -99,6 +102,19 @@ def load(isa: str) -> ModuleType:
         ) from error
     core.load_embree(str(_embree_path()))
     return core
+
+
+def _imported(name: str) -> ModuleType:
+    """Import an extension module of the installed package, or of the build that PRIMRAY_CORES names."""
+    folder = os.environ.get("PRIMRAY_CORES")
+    if folder is None:
+        return importlib.import_module(name)
+    spec = PathFinder.find_spec(name, [folder])
+    if spec is None or spec.loader is None:
+        raise ModuleNotFoundError(f"PRIMRAY_CORES={folder} has no {name}", name=name)
+    sys.modules[name] = module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @cache

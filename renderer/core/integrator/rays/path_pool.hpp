@@ -4,6 +4,7 @@
 #include "base/integrator_settings.hpp"
 #include "bvh/interleaved.hpp"
 #include "light/tree/linking.hpp"
+#include "math/lane_checks.hpp"
 #include "ray/ray.hpp"
 
 namespace primray {
@@ -124,6 +125,11 @@ struct PathPool {
   // Appends the lanes that `c` selects.
   template <int W>
   PRIMRAY_INLINE void append(const Compaction<W>& c, const PathLanes<W>& p, PathNeeds needs) {
+    PRIMRAY_ASSERT(count + c.count <= kPool);
+    PRIMRAY_ASSERT(are_unit(lane_numbers<W>() < vint<W>(c.count), permute(p.ray.d, c.from)));
+    PRIMRAY_ASSERT(are_finite(lane_numbers<W>() < vint<W>(c.count), permute(p.ray.o, c.from)));
+    PRIMRAY_ASSERT(are_weights(lane_numbers<W>() < vint<W>(c.count), permute(p.beta, c.from)));
+    PRIMRAY_ASSERT(are_weights(lane_numbers<W>() < vint<W>(c.count), permute(p.bsdf_pdf, c.from)));
     const int at = count;
     c.append(ox + at, p.ray.o.x), c.append(oy + at, p.ray.o.y), c.append(oz + at, p.ray.o.z);
     c.append(dx + at, p.ray.d.x), c.append(dy + at, p.ray.d.y), c.append(dz + at, p.ray.d.z);
@@ -189,6 +195,8 @@ struct ShadowQueue {
   PRIMRAY_INLINE void append(vbool<W> m, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> end, const vvec3<W>& carried,
                              vint<W> to_slot, vfloat<W> at_time, PathNeeds needs) {
     const Compaction<W> c(m);
+    PRIMRAY_ASSERT(count + c.count + W <= kSize);
+    PRIMRAY_ASSERT(are_unit(m, d) && are_finite(m, o));
     const int at = count;
     c.append(ox + at, o.x), c.append(oy + at, o.y), c.append(oz + at, o.z);
     c.append(dx + at, d.x), c.append(dy + at, d.y), c.append(dz + at, d.z), c.append(tfar + at, end);

@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "light/shape/local_shape.hpp"
+#include "math/lane_checks.hpp"
 #include "math/matrix.hpp"
 #include "math/row.hpp"
 
@@ -80,6 +81,7 @@ struct LightRow {
   // `table`: a LightTable.
   template <class Table>
   PRIMRAY_INLINE LightRow(const Table& table, vint<W> light) : rows(table.rows.data()), offset(light * vint<W>(kLightFields)) {
+    PRIMRAY_ASSERT(are_rows(light, table.rows.size() / kLightFields));
     uniform = all(offset == vint<W>(offset[0])) ? offset[0] : -1;
   }
   // One row per lane, stored one after the other.
