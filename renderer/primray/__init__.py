@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .diagnosis.estimate import CostEstimate, estimate
     from .diagnosis.inspection import inspect
     from .diagnosis.machine import MachineCheck
+    from .diagnosis.pixel_log import PixelLog, debug_pixel
     from .distributed.local_processes import LocalProcesses
     from .images.aov import Aov
     from .images.image import Image
@@ -61,6 +62,7 @@ __all__ = [
     "LocalProcesses",
     "MachineCheck",
     "Metric",
+    "PixelLog",
     "PrimrayError",
     "Product",
     "Projection",
@@ -75,6 +77,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "compare",
+    "debug_pixel",
     "doctor",
     "errors",
     "estimate",
@@ -100,6 +103,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Image": "images.image",
         "LocalProcesses": "distributed.local_processes",
         "MachineCheck": "diagnosis.machine",
+        "PixelLog": "diagnosis.pixel_log",
         "Product": "render.products",
         "Projection": "camera",
         "RenderWarning": "messages.announcement",
@@ -107,6 +111,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "SequenceComparison": "compare.sequences",
         "StereoImage": "images.stereo",
         "Verdict": "compare.comparison",
+        "debug_pixel": "diagnosis.pixel_log",
         "doctor": "diagnosis.doctor",
         "estimate": "diagnosis.estimate",
         "inspect": "diagnosis.inspection",

@@ -10,6 +10,7 @@ struct CausticGuide;
 struct Guide;
 struct GuideLog;
 struct LpeAutomaton;
+struct PathLog;
 
 struct IntegratorSettings {
   int max_depth = 1 << 20;  // surface scattering events; Russian roulette ends paths long before
@@ -24,6 +25,7 @@ struct IntegratorSettings {
   GuideLog* log = nullptr;                 // records of paths that learn a guide
   const CausticGuide* caustics = nullptr;  // guide of scattered rays towards metal and glass
   const LpeAutomaton* lpe = nullptr;       // light path expressions of the film
+  PathLog* paths = nullptr;                // events of all paths, with one lane
   // Upper limit of the largest channel of a sample's indirect light (two scattering events and more); infinite: none. Pilots
   // and guides have no limit, so a clamp changes no path.
   float clamp_indirect = std::numeric_limits<float>::infinity();

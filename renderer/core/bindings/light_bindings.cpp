@@ -95,7 +95,7 @@ void bind_light(nb::module_& m, nb::class_<SceneBuilder>& builder) {
   builder.def("add_ies_profile", &add_ies_profile)
       .def("add_light_image", [](SceneBuilder& b, InArray<float> pixels) { return b.add_light_image(image_input(pixels)); })
       // `image`: texture of a rectangle light, or -1.
-      .def("add_light", [](SceneBuilder& b, const HeldLight& l, int image) { b.add_light(l, image); })
+      .def("add_light", [](SceneBuilder& b, const HeldLight& l, int image) { return b.add_light(l, image); })
       .def("add_geometry_light", [](SceneBuilder& b, const HeldLight& l) { return b.add_geometry_light(l); })
       .def("set_light_of_shape", [](SceneBuilder& b, int light_number, InArray<double> matrix) {
         b.set_light_of_shape(light_number, affine_of(matrix));

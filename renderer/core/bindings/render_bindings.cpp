@@ -8,6 +8,7 @@
 #include "bindings/arrays.hpp"
 #include "bindings/recording.hpp"
 #include "guiding/pilot/learning.hpp"
+#include "integrator/path_log.hpp"
 #include "render/render.hpp"
 #include "render/replay.hpp"
 #include "scene/scene.hpp"
@@ -127,6 +128,61 @@ void record(Recording* self, const Scene& scene, int samples, const IntegratorSe
   render_pass(scene, settings, lanes, ends, film, {}, &self->rays);
 }
 
+using Events = nb::typed<nb::list, nb::typed<nb::dict, nb::str, nb::any>>;
+
+// Returns the events of a log: dictionaries of numbers, tuples of three numbers, and texts.
+Events events_of(const PathLog& log) {
+  Events events;
+  for (const PathLog::Event& event : log.events) {
+    nb::dict e;
+    e["kind"] = event.kind, e["sample"] = event.sample, e["part"] = event.part, e["vertex"] = event.vertex;
+    e["depth"] = event.depth;
+    if (*event.why) e["why"] = event.why;
+    for (const PathLog::Value& value : event.values) {
+      if (value.width == 1)
+        e[value.name] = value.v[0];
+      else
+        e[value.name] = nb::make_tuple(value.v[0], value.v[1], value.v[2]);
+    }
+    events.append(e);
+  }
+  return events;
+}
+
+// `first`, `end`: indices of the samples of both replicates.
+Events log_of_pixel(const Scene& scene, const IntegratorSettings& settings, int x, int y, std::pair<uint32_t, uint32_t> first,
+                    std::pair<uint32_t, uint32_t> end) {
+  PathLog log;
+  {
+    const nb::gil_scoped_release release;
+    log_pixel(scene, settings, x, y, {{first.first, end.first}, {first.second, end.second}}, log);
+  }
+  return events_of(log);
+}
+
+// Shape of an emissive geometry's light row, numbered as in the plane "prim" of
+// first hits, and its instance, or -1.
+std::pair<int, int> shape_of_light(const Scene& scene, int light) {
+  const EmitterTable& table = scene.emitters;
+  int number = light - table.static_light, instance = -1;
+  size_t group = 0;
+  for (size_t p = 0; p < table.placement_light.size(); ++p) {
+    const int first = table.placement_light[p], rows = table.placement_rows[p];
+    if (first < 0 || rows == 0 || light < first) continue;
+    number = (light - first) % rows, instance = scene.placement_instance[p] + (light - first) / rows;
+    group = size_t(scene.placement_group[p]);
+  }
+  const Group& g = scene.groups[group];
+  const uint32_t end = g.triangle_base + g.triangle_count + g.cutout_count;
+  for (size_t m = 0; m < table.of_mesh.size(); ++m) {
+    const uint32_t first = uint32_t(scene.meshes.triangle_base[m]);
+    if (table.of_mesh[m] == number && first >= g.triangle_base && first < end) return {int(m), instance};
+  }
+  for (size_t c = 0; c < table.of_curved.size(); ++c)
+    if (table.of_curved[c] == number) return {-2 - int(c), instance};
+  return {-1, instance};
+}
+
 // Returns (whether it is a shadow ray, its time) for every ray, in order: (N,) and (N,).
 std::tuple<OutArray<uint8_t, 1>, OutArray<float, 1>> times_of(const Recording& r) {
   std::vector<uint8_t> shadow;
@@ -158,6 +214,9 @@ void bind_render(nb::module_& m) {
       nb::arg("scene"), nb::arg("settings"), nb::arg("lanes"), nb::call_guard<nb::gil_scoped_release>());
   m.def("render_pass", &pass, nb::arg("scene"), nb::arg("film"), nb::arg("ends"), nb::arg("settings"), nb::arg("lanes"),
         nb::arg("progress").none() = nb::none());
+  m.def("log_pixel", &log_of_pixel, nb::arg("scene"), nb::arg("settings"), nb::arg("x"), nb::arg("y"), nb::arg("first"),
+        nb::arg("end"));
+  m.def("shape_of_light", &shape_of_light, nb::arg("scene"), nb::arg("light"));
   nb::class_<Guide>(m, "Guide")
       .def_prop_ro("regions", [](const Guide& g) { return g.cdf.size() / (Guide::kBins + 1); })
       .def_ro("alone", &Guide::alone)

@@ -105,7 +105,8 @@ class SceneBuilder {
   // Adds an image for rectangle lights and returns its index.
   int add_light_image(const ImageInput& image);
   // `image`: of a rectangle light, or -1.
-  void add_light(const LightInput& light, int image = -1);
+  // Returns the light's row, if it is sampled.
+  std::optional<int> add_light(const LightInput& light, int image = -1);
   // Adds a light to which shapes may belong, and returns its index.
   int add_geometry_light(const LightInput& light);
   // Makes the last shape part of that light.

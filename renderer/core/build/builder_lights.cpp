@@ -23,12 +23,13 @@ int SceneBuilder::add_light_image(const ImageInput& image) {
   return int(scene_->lights.images.size()) - 1;
 }
 
-void SceneBuilder::add_light(const LightInput& light, int image) {
+std::optional<int> SceneBuilder::add_light(const LightInput& light, int image) {
   LightTable& table = scene_->lights;
   const int rows = table.count;
   const size_t domes = table.domes.size();
   add_light_rows(light, scene_->origin, scene_->scale, table, image);
   add_light_path(light, scene_->origin, scene_->scale, rows, domes, table);
+  return table.count > rows ? std::optional(rows) : std::nullopt;
 }
 
 int SceneBuilder::add_geometry_light(const LightInput& light) {

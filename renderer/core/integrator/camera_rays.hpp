@@ -69,6 +69,15 @@ PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
   p.bsdf_pdf = p.travelled = p.first_received = F(0.0f), p.splits = F(1.0f);
   p.cone_width = F(scene.camera.cone_width()), p.cone_spread = F(scene.camera.cone_spread());
   p.slot = load<W>(slot), p.depth = p.vertex = I(0);
+  if (PathLog* const log = path_log<W>(round))
+    log->add("camera", p)
+        .put("replicate", double(replicate[0]))
+        .put("index", double(index[0]))
+        .put("film", dvec3{double(film.u[0]), double(film.v[0]), 0.0})
+        .put("lens", dvec3{double(lens.u[0]), double(lens.v[0]), 0.0})
+        .put("time", time)
+        .put("origin", log->point(ray.o))
+        .put("direction", ray.d);
   return p;
 }
 
@@ -91,6 +100,7 @@ void refill(Round& round, int slots) {
     vbool<W> starts = lane_numbers<W>() < vint<W>(n);
     // Samples outside the lens's image circle stay black.
     if (round.scene.camera.distortion) starts &= paths.ray.tfar >= vfloat<W>(0.0f);
+    if (PathLog* const log = path_log<W>(round); log && !any(starts)) log->end(paths, "outside the lens's image circle");
     const Compaction<W> kept(starts);
     if (round.follows_media()) put_camera_media(round, pool.count, kept);
     pool.append(kept, paths, round.needs);

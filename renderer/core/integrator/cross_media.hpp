@@ -3,6 +3,7 @@
 // below opaque surfaces take hundreds of such steps, each of which costs only a ray and a new direction.
 #pragma once
 
+#include "integrator/log_vertex.hpp"
 #include "integrator/lpe_light.hpp"
 #include "integrator/media.hpp"
 #include "integrator/sample_light.hpp"
@@ -44,6 +45,10 @@ PRIMRAY_INLINE void scatter_unlit(Round& round, vbool<W> scatters, const PathLan
   if (any(thins & (survive < F(1.0f)))) {
     alive &= !(thins & (n.sampler.single(bounce, Purpose::kRoulette) >= survive));
     n.beta = n.beta * (1.0f / survive);
+  }
+  if (PathLog* const log = path_log<W>(round)) {
+    log->add("scatter", p).put("direction", n.ray.d).put("throughput", n.beta).why = "phase function";
+    if (!any(alive)) log->end(p, "roulette, or the maximum depth is reached");
   }
   const Compaction<W> kept(alive);
   round.worker.inside->next->put(round.worker.next->count, kept, now);
@@ -91,6 +96,12 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
   vbool<W> stays = active;
   vvec3<W> gathered(F(0.0f));
   const LightHits<W> met = intersect_lights(scene.lights, in_medium, hit, p, hits.t, gathered, &medium, inside.lead);
+  if constexpr (W == 1) {
+    if (PathLog* const log = path_log<W>(round)) {
+      log_light_hits(*log, round, in_medium, p, hits, hit, &medium, inside.lead);
+      log->add("gathered", p).put("radiance", gathered * radiance_scale(scene, inside.stack));
+    }
+  }
   add_to_slots(round, in_medium, sum_of(round, p.slot, p.depth), p.beta * gathered * radiance_scale(scene, inside.stack));
   if (round.needs.lpe) {
     record_light_hits(round, in_medium, p, hits, hit, ListenerMedium<W>{&medium, inside.lead});
@@ -103,6 +114,8 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
   const vbool<W> in_subsurface = inside.in_subsurface(), may_scatter = in_medium & medium.scatters();
   end += inside.lead;
   p.beta = select(in_medium & !may_scatter, p.beta * medium.transmittance(end), p.beta);
+  if (PathLog* const log = path_log<W>(round); log && any(in_medium & !may_scatter))
+    log->add("medium", p).put("distance", log->length(end)).put("throughput", p.beta).why = "absorbs";
   if (!any(may_scatter)) return stays;
   // These sample dimensions are used by camera rays only, so they are free here.
   const Pair<W> u = p.sampler.pair(p.vertex + vint<W>(1), Purpose::kLens);
@@ -110,6 +123,9 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
   p.beta = select(may_scatter, step.beta, p.beta);
   const vbool<W> scatters = may_scatter & step.scatters;
   const F t = max(step.t - inside.lead, 0.0f);
+  if (PathLog* const log = path_log<W>(round); log && any(may_scatter))
+    log->add("medium", p).put("distance", log->length(any(scatters) ? t : end)).put("throughput", p.beta).why =
+        any(scatters) ? "scatters" : "is crossed";
   if (any(scatters)) {
     if (round.needs.lpe) resolve_lpe_where(scatters, p);
     for (uint32_t b = bits(scatters & (p.vertex == vint<W>(0))); b; b &= b - 1) round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;

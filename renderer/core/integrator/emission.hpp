@@ -161,6 +161,7 @@ PRIMRAY_INLINE LightHits<W> intersect_lights(const LightTable& lights, vbool<W> 
     if ((weighed || linked) && !has_total) total = total_at(lights, from, p.link), has_total = true;
     const F light_pdf = h.pdf * probability_at(lights, i, scattered, from, p.normal, total, p.link);
     gathered += select(scattered, L * mis_weight(p.bsdf_pdf, light_pdf), zero);
+    if constexpr (requires { listener.weighted(scattered, light_pdf); }) listener.weighted(scattered, light_pdf);
     if constexpr (kListens) listener.light(i, scattered, L * mis_weight(p.bsdf_pdf, light_pdf));
   };
   if (!many) {
@@ -199,6 +200,7 @@ PRIMRAY_INLINE vvec3<W> evaluate_domes(const LightTable& lights, vbool<W> m, con
       const F total = total_at(lights, from, p.link);
       const vbool<W> wanted = m & (!direct) & (pdf > F(0.0f));
       const F light_pdf = pdf * probability_at(lights, light, wanted, from, p.normal, total, p.link);
+      if constexpr (requires { listener.weighted(wanted, light_pdf); }) listener.weighted(wanted, light_pdf);
       L *= select(direct, F(1.0f), mis_weight(p.bsdf_pdf, light_pdf));
     }
     sum += L;

@@ -31,6 +31,12 @@ PRIMRAY_RARE void put_outline_lpe_states(Round& round, vbool<W> m, int32_t light
   for (int k = 0; k < __builtin_popcount(bits(m)); ++k) w.lpe->shadows.put(w.shadows.count + k, seen);
 }
 
+template <int W>
+PRIMRAY_INLINE void clear_shadows(Round& round) {
+  round.worker.shadows.count = 0;
+  if (PathLog* const log = path_log<W>(round)) log->clear_queues();
+}
+
 // Appends the outline rays towards one light in pixel number `pixel` of the worker to the shadow queue, which is traced when
 // full.
 template <int W>
@@ -65,8 +71,10 @@ PRIMRAY_RARE void trace_outline(Round& round, int pixel, const LightOutlines::Pa
     const LightHits<W> met = intersect_lights(round.scene.lights, active, vbool<W>(true), p, F(kInfinity), L);
     const vbool<W> seen = met.covered & (met.light == I(part.light));
     if (!any(seen)) continue;
-    if (w.shadows.count > ShadowQueue::kSize - 2 * W) trace_shadows<W>(round), w.shadows.count = 0;
+    if (w.shadows.count > ShadowQueue::kSize - 2 * W) trace_shadows<W>(round), clear_shadows<W>(round);
     if (round.needs.lpe) put_outline_lpe_states(round, seen, part.light);
+    if (PathLog* const log = path_log<W>(round))
+      log->add("outline ray", slot[0], number[0], 0, 0).put("light", double(part.light)).put("radiance", L), log->queue();
     // Starts at the camera's near plane.
     w.shadows.append(seen, ray.o + ray.d * ray.tnear, ray.d, max(met.nearest * kNearlyOne - ray.tnear, 0.0f), L * share,
                      load<W>(slot), p.ray.time, round.needs);
@@ -76,11 +84,11 @@ PRIMRAY_RARE void trace_outline(Round& round, int pixel, const LightOutlines::Pa
 template <int W>
 PRIMRAY_RARE void trace_outlines(Round& round) {
   Worker& w = round.worker;
-  w.shadows.count = 0;
+  clear_shadows<W>(round);
   if (w.special_shadows) w.special_shadows->rays.count = 0;
   for (int i = 0; i < round.pixels; ++i)
     for (const LightOutlines::Part& part : w.outlines[i]) trace_outline<W>(round, i, part);
-  trace_shadows<W>(round), w.shadows.count = 0;
+  trace_shadows<W>(round), clear_shadows<W>(round);
 }
 
 // Returns the camera rays of `m` that hit a light which has outline rays in their pixel.

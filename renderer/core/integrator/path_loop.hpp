@@ -20,8 +20,10 @@ inline void clear_slots(Worker& w, int slots, bool clamps) {
   if (w.lpe) w.lpe->clear(Worker::kSlots, slots);
 }
 
-inline void clear_queues(Round& round) {
+template <int W>
+void clear_queues(Round& round) {
   Worker& w = round.worker;
+  if (PathLog* const log = path_log<W>(round)) log->clear_queues();
   w.next->count = 0;
   w.shadows.count = 0;
   if (round.has_special()) w.special_shadows->rays.count = 0;
@@ -35,11 +37,29 @@ void run_rounds(Round& round, int slots) {
     refill<W>(round, slots);
     if (round.worker.pool->count == 0) break;
     trace<W>(round);
-    clear_queues(round);
+    clear_queues<W>(round);
     if (round.follows_media()) cross_media<W>(round);
     shade<W>(round);
     trace_shadows<W>(round);
   }
+}
+
+// Logs the values of the samples [0, slots), after what the image leaves out
+// was removed.
+inline void log_samples(PathLog& log, const Round& round, int slots) {
+  const Worker& w = round.worker;
+  for (int s = 0; s < slots; ++s) {
+    PathLog::Event& sample = log.add("sample", s, 0, 0, 0);
+    sample.put("value", dvec3{double(w.r[s]), double(w.g[s]), double(w.b[s])});
+    sample.put("alpha", double(finished_coverage(w.a[s])));
+    if (round.scene.camera.flawed) sample.put("lens_weight", dvec3(w.weights[size_t(s)]));
+    if (const int i = Worker::kSlots + s; round.settings.clamps())
+      sample.put("clamped", dvec3{double(w.r[i]), double(w.g[i]), double(w.b[i])});
+    if (const size_t i = size_t(s); round.leaves_out_caustics())
+      sample.put("caustics", dvec3{double(w.caustics[i]), double(w.caustics[Worker::kSlots + i]),
+                                   double(w.caustics[2 * Worker::kSlots + i])});
+  }
+  log.first_sample += slots;
 }
 
 template <int W>
@@ -57,6 +77,7 @@ void render_tile_block(const Scene& scene, const IntegratorSettings& settings, c
   if (scene.camera.flawed && settings.clamps()) apply_lens_weights(worker, Worker::kSlots, slots);
   if (round.leaves_out_caustics()) leave_out_caustics(worker, slots, settings.clamps());
   if (settings.clamps()) clamp_indirect(worker, slots, settings.clamp_indirect);
+  if (PathLog* const log = path_log<W>(round)) log_samples(*log, round, slots);
   add_to_film(block, worker, round.pixels, round.samples, film);
 }
 

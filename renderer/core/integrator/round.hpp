@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "guiding/guide.hpp"
+#include "integrator/path_log.hpp"
 #include "integrator/tile_task.hpp"
 
 namespace primray {
@@ -68,6 +69,16 @@ struct Round {
   int pixel_y(int i) const { return block.y0 + worker.pixel_y[i] * block.stride_y; }
 };
 
+// Returns the log of the paths, which only the loop for one lane writes; null:
+// none.
+template <int W>
+PRIMRAY_INLINE PathLog* path_log(const Round& round) {
+  if constexpr (W == 1)
+    return round.settings.paths;
+  else
+    return nullptr;
+}
+
 // Returns ray times within the shutter interval for numbers u in [0, 1), at pixels (x, y), with rolling shutter.
 template <int W>
 PRIMRAY_INLINE vfloat<W> time_of(const Round& round, vfloat<W> u, vint<W> x, vint<W> y) {
@@ -104,8 +115,10 @@ PRIMRAY_INLINE void add_to_slots(const Round& round, vbool<W> m, vint<W> slot, c
   const vfloat<W> zero(0.0f);
   for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
     const int i = __builtin_ctz(b), s = slot[i];
+    PRIMRAY_ASSERT(s >= 0 && s % Worker::kSlots < round.pixels * round.samples && s < Worker::kSums);
     w.r[s] += c.x[i], w.g[s] += c.y[i], w.b[s] += c.z[i];
     if (log) log->add_light(s, c.x[i] + c.y[i] + c.z[i]);
+    if (PathLog* const paths = path_log<W>(round)) paths->contribute(c.x[i], c.y[i], c.z[i]);
   }
 }
 

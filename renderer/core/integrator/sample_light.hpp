@@ -145,6 +145,12 @@ PRIMRAY_RARE void put_shadow_media(Round& round, vbool<W> special, vbool<W> othe
   w.inside->shadows.put(w.shadows.count, Compaction<W>(other), around);
 }
 
+// Logs a light sample that cannot contribute.
+template <int W>
+PRIMRAY_INLINE void log_light(const Round& round, const PathLanes<W>& p, const char* why, vint<W> light = vint<W>(-1)) {
+  if (PathLog* const log = path_log<W>(round)) log->add("light sample", p).put("light", light).why = why;
+}
+
 template <int W, class Lobes>
 void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   using B = vbool<W>;
@@ -156,13 +162,15 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   choose_light_at(round, scatters, v, p, from, chosen);
   const vint<W> light = chosen.choice.light;
   B useful = scatters & (chosen.choice.probability > vfloat<W>(0.0f));
-  if (!any(useful)) return;
+  if (!any(useful)) return log_light(round, p, "no light reaches the point");
+  PRIMRAY_ASSERT(are_rows(light, size_t(lights.count)) && are_fractions(useful, chosen.choice.probability));
   LightSample<W> s = sample_point(round, useful, light, v, p, from);
+  PRIMRAY_ASSERT(are_unit(useful & (s.pdf > vfloat<W>(0.0f)), s.wi));
   const V wi = v.frame.to_local(s.wi);
   const B above = dot(v.ng, s.wi) > vfloat<W>(0.0f);
   const B beyond = v.bsdf.lets_through() & (wi.z < vfloat<W>(0.0f)) & !above;  // through the surface
   useful &= (s.pdf > vfloat<W>(0.0f)) & (((wi.z > vfloat<W>(0.0f)) & (above | v.it.smooth)) | beyond);
-  if (!any(useful)) return;
+  if (!any(useful)) return log_light(round, p, "the light is behind the surface, or has no density there", light);
   const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
   const V reflected = reflected_of(lights, light, f);
   const vfloat<W> pdf = s.pdf * chosen.choice.probability;
@@ -170,6 +178,7 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if (round.has_special()) special = (LightRow<W>(lights, light).flags() & vint<W>(kSpecial)) != vint<W>(0);
   const vfloat<W> scattered_pdf = scattered_density(round, v, s.wi, f.pdf);
   const vfloat<W> weight = light_weight(round, useful, special, chosen, s, pdf, scattered_pdf, v, from);
+  PRIMRAY_ASSERT(are_weights(useful, reflected) && are_weights(useful, scattered_pdf) && are_fractions(useful, weight));
   V carried = p.beta * reflected * s.L * (weight / pdf);
   const bool crosses = Lobes::kFollowsMedia && v.crossing;
   if (crosses && !round.scene.has_thin)
@@ -179,6 +188,16 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if (any(useful & beyond)) cross_surface(useful & beyond, v, from, s, o);
   if (const B below = useful & !above & !beyond; any(below))
     useful &= above | beyond | lift_towards_light(round, below, v, p, from, s, o);
+  if (PathLog* const log = path_log<W>(round)) {
+    PathLog::Event& event = log->add("light sample", p).put("light", light);
+    event.put("choice_probability", chosen.choice.probability).put("direction", s.wi).put("distance", log->length(s.t));
+    event.put("light_pdf", pdf).put("radiance", s.L).put("f_cos", reflected).put("bsdf_pdf", scattered_pdf);
+    event.put("weight", weight).put("throughput", p.beta).put("unshadowed", carried);
+    if (any(useful))
+      log->queue(any(special));
+    else
+      event.why = "nothing is reflected towards the light";
+  }
   Worker& w = round.worker;
   if (crosses)
     put_shadow_media(round, useful & special, useful & !special, beyond, *v.crossing, lead_of(v.it.offset, v.ng, s.wi));

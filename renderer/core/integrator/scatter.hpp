@@ -126,6 +126,8 @@ PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vf
   const F r = n.sampler.single(bounce, Purpose::kRoulette);
   alive &= !(roulette & (r >= survive));
   n.beta = n.beta * (1.0f / survive);
+  if (PathLog* const log = path_log<W>(round))
+    log->add("roulette", n).put("survival", survive).put("number", r).put("survives", alive).put("throughput", n.beta);
   return survive;
 }
 
@@ -154,6 +156,8 @@ PRIMRAY_INLINE void queue_sky_shadow(Round& round, vbool<W> last, const PathLane
   vvec3<W> carried = n.beta * evaluate_domes(round.scene.lights, last, n);
   const vbool<W> lit = last & (max_component(carried) > vfloat<W>(0.0f));
   if (!any(lit)) return;
+  if (PathLog* const log = path_log<W>(round))
+    log->add("dome ray", n).put("direction", n.ray.d).put("bsdf_pdf", n.bsdf_pdf).put("unshadowed", carried), log->queue();
   if (crossing) attenuate_sky_light(round, lit, *crossing, s, lead, carried);
   if (round.needs.lpe) put_sky_lpe_states(round, lit, n);
   const vint<W> sum = sum_of(round, n.slot, n.depth);
@@ -169,11 +173,22 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   PathLanes<W> n = p;
   F own(0.0f);
   const BsdfSample<W> s = sample_direction(round, v, p, n.splits, own);
+  PRIMRAY_ASSERT(are_weights(scatters, s.weight) && are_weights(scatters, s.pdf));
+  PRIMRAY_ASSERT(are_unit(scatters & (max_component(s.weight) > F(0.0f)), s.wi));
+  PRIMRAY_ASSERT(!any(scatters & s.is_delta & (s.pdf > F(0.0f))) || v.caustics || round.settings.guide);
+  PRIMRAY_ASSERT(!any(scatters & s.straight & s.enters));
   if (const B through = scatters & s.straight & (p.depth == I(0)); scene.has_thin && any(through))
     update_gap_marks(round, through, v, s, p);
   n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
   n.beta = p.beta * s.weight;
   B alive = offset_origins(round, scatters, v, s, p.ray.time, n) & (max_component(n.beta) > F(0.0f));
+  if (PathLog* const log = path_log<W>(round)) {
+    PathLog::Event& event = log->add("scatter", p).put("direction", n.ray.d).put("weight", s.weight).put("pdf", s.pdf);
+    event.put("f_cos", s.weight * s.pdf).put("delta", s.is_delta).put("transmits", s.transmits).put("straight", s.straight);
+    event.put("enters", s.enters).put("diffuse_share", s.diffuse_share).put("throughput", n.beta);
+    if (!any(alive))
+      log->end(p, any(max_component(n.beta) > F(0.0f)) ? "the direction is below the surface" : "the throughput is 0");
+  }
   n.vertex = p.vertex + I(1);
   // A path that enters below a surface has not scattered until it leaves again.
   n.depth = p.depth + select(s.straight | s.enters, I(0), I(1));
@@ -186,11 +201,15 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if (round.needs.lpe) advance_lpe<Lobes::kInMedium>(*round.settings.lpe, p, s, n);
   const F expected =
       round.needs.first_received ? expected_light(*round.settings.guide, v.place, n.ray.d, n.first_received) : F(0.0f);
+  if (PathLog* const log = path_log<W>(round); log && any(n.depth > I(round.settings.max_depth)))
+    log->end(p, "the maximum depth is reached");
   const F survive = play_roulette(round, s.straight, expected, n, alive);
   // End the paths as well if light sampling alone finds all lights near them.
   if (scene.only_hierarchy_lights_found)
     alive &= (!last) | s.straight | s.enters |
              may_hit_light(scene.lights.hierarchy, alive & last & !s.straight, n.ray.o, n.ray.d, n.bsdf_pdf);
+  if (PathLog* const log = path_log<W>(round); log && !any(alive))
+    log->end_if_open(p, "no light is left to be found at the maximum depth");
   if (!any(alive)) return;
   // The far plane also applies to what the camera sees through a gap.
   n.ray.tnear = F(0.0f);

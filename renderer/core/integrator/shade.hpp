@@ -5,6 +5,7 @@
 
 #include "bsdf/bsdf_with_hair.hpp"
 #include "integrator/emission.hpp"
+#include "integrator/log_vertex.hpp"
 #include "integrator/lpe_light.hpp"
 #include "integrator/outline_rays.hpp"
 #include "integrator/sample_light.hpp"
@@ -46,6 +47,9 @@ PRIMRAY_INLINE vvec3<W> gather_emission(Round& round, vbool<W> active, vbool<W> 
   const LightTable& lights = round.scene.lights;
   vvec3<W> gathered(vfloat<W>(0.0f));
   if (round.needs.lpe) record_light_hits(round, looks, p, hits, hit);
+  if constexpr (W == 1) {
+    if (PathLog* const log = path_log<W>(round)) log_light_hits(*log, round, looks, p, hits, hit);
+  }
   const LightHits<W> met = intersect_lights(lights, looks, hit, p, hits.t, gathered);
   const vbool<W> covered = met.covered;
   if (const vbool<W> camera = covered & (p.vertex == vint<W>(0)); round.outlined && any(camera))
@@ -56,6 +60,9 @@ PRIMRAY_INLINE vvec3<W> gather_emission(Round& round, vbool<W> active, vbool<W> 
   if (!lights.domes.empty() && any(escaped)) {
     const vvec3<W> sky = evaluate_domes(lights, escaped, p);
     if (round.needs.lpe) record_domes(round, escaped, p);
+    if constexpr (W == 1) {
+      if (PathLog* const log = path_log<W>(round)) log_domes(*log, round, p);
+    }
     gathered += select(escaped, sky, vvec3<W>(vfloat<W>(0.0f)));
     nothing &= !(max_component(sky) > vfloat<W>(0.0f));
   }
@@ -129,6 +136,9 @@ PRIMRAY_INLINE void scatter_at(Round& round, vbool<W> scatters, const PathLanes<
   Vertex<W, Lobes> v{it,      ng,      frame, wo, Lobes(rows, scatters, wo, front, more...), hits, {vint<W>(-1), vint<W>(0)},
                      nullptr, crossing};
   v.bsdf.diffuse *= it.color;
+  if constexpr (W == 1) {
+    if (PathLog* const log = path_log<W>(round)) log_lobes(*log, p, v);
+  }
   if (settings.guide) v.place = find_place(*settings.guide, scatters, it.p, ng, v.bsdf);
   if (settings.caustics) return sample_direct_and_continue_guided(round, scatters, v, p);
   sample_direct_and_continue(round, scatters, v, p);
@@ -244,6 +254,8 @@ PRIMRAY_RARE void scatter_in_media(Round& round, int at, vbool<W> hit, vbool<W> 
   const vbool<W> kinds[3] = {leaves, b.overridden, scatters & !b.overridden};
   for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
     if (kind == 0) return exit_subsurface(round, lanes, p, hits, it, inside);
+    if (PathLog* const log = path_log<W>(round); log && kind == 1)
+      log->add("pass", p).why = "a medium of higher priority overrides the boundary";
     if (kind == 1)
       return skip_overridden_boundary(round, lanes, p, it, ng,
                                       MediumState<W>{b.beyond, inside.subsurface, lead_of(it.offset, ng, p.ray.d)});
@@ -264,10 +276,12 @@ PRIMRAY_RARE void apply_camera_visibility(Round& round, int at, const PathLanes<
   if (const vbool<W> matte = sights.are(CameraSight::kMatte, looks, it.surface); any(matte)) {
     reduce_alpha(round, matte, p);
     hit &= !matte;
+    if (PathLog* const log = path_log<W>(round)) log->end(p, "a matte ends it");
   }
   const vbool<W> hidden = sights.are(CameraSight::kHidden, looks, it.surface);
   if (!any(hidden)) return;
   hit &= !hidden;
+  if (PathLog* const log = path_log<W>(round)) log->add("pass", p).why = "the surface is hidden from the camera";
   mark_gaps(round, hidden, p);
   const F side = select(dot(it.ng, p.ray.d) > F(0.0f), F(-1.0f), F(1.0f));
   const vvec3<W> ng = it.ng * side;
@@ -293,10 +307,14 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   if (round.follows_media()) gathered = gathered * radiance_scale_at<W>(round, at);
   if (!any(hit)) {
     if (round.needs.lpe) add_recorded_at(round, at, p);
+    if (PathLog* const log = path_log<W>(round)) log->end(p, "no surface is hit"), log->events.back().put("radiance", gathered);
     return add_to_slots(round, active, sum_of(round, p.slot, p.depth), p.beta * gathered);
   }
 
   Interaction<W> it = interact(scene, hit, p.ray, hits);
+  if constexpr (W == 1) {
+    if (PathLog* const log = path_log<W>(round)) log_hit(*log, scene, p, hits, it);
+  }
   if (scene.camera_sights.any()) apply_camera_visibility(round, at, p, it, hit);
   SurfaceRows<W> rows(scene.surfaces, it.surface);
   LaneRows<W> varying;
@@ -308,9 +326,14 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   if (scene.has_emission) {
     V shines = select(hit, emitted(scene, hit, hits, it, rows, p), V(F(0.0f)));
     if (round.needs.lpe) record_surface_emission(round, hit, hits, it, shines);
+    if constexpr (W == 1) {
+      if (PathLog* const log = path_log<W>(round)) log_surface_emission(*log, scene, hit, p, hits, it, shines);
+    }
     if (round.follows_media()) shines = shines * radiance_scale_at<W>(round, at);
     gathered += shines;
   }
+  if (PathLog* const log = path_log<W>(round); log && any(max_component(abs(gathered)) > F(0.0f)))
+    log->add("gathered", p).put("radiance", gathered);
   add_to_slots(round, active, sum_of(round, p.slot, p.depth), p.beta * gathered);
   if (round.needs.lpe) add_recorded_at(round, at, p), resolve_lpe(p);
 
@@ -319,6 +342,8 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   vbool<W> certain = is_side_certain(round, hit, p, hits, it, facing);
   if (!scene.surfaces.hair.empty()) certain |= is_within_fibre(rows, facing);
   const vbool<W> scatters = hit & certain & ((p.depth < vint<W>(settings.max_depth)) | vbool<W>(scene.has_thin));
+  if (PathLog* const log = path_log<W>(round); log && any(hit & !scatters))
+    log->end(p, any(certain) ? "the maximum depth is reached" : "rounding hides from which side the surface is hit");
   const bool in_media = round.follows_media();
   if (!any(in_media ? hit : scatters)) return;
   const vbool<W> front = facing > F(0.0f);
@@ -327,6 +352,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   // A shading normal that faces away from the viewer is replaced by the geometric normal.
   const V ns = it.ns * side;
   const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
+  PRIMRAY_ASSERT(are_unit(hit, wo) && are_unit(hit & scatters, ng) && are_unit(hit & scatters, frame.n));
   if (in_media) return scatter_in_media(round, at, hit, scatters, p, hits, it, rows, ng, frame, front);
   if (!scene.surfaces.hair.empty()) return scatter_with_hair(round, scatters, p, hits, it, rows, ng, frame, front);
   if (!scene.surfaces.open_pbr.empty()) return scatter_with_open_pbr(round, scatters, p, hits, it, rows, ng, frame, front);

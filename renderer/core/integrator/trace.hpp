@@ -61,6 +61,13 @@ PRIMRAY_INLINE vvec3<W> carried_at(const ShadowQueue& q, int at) {
   return {load<W>(q.r + at), load<W>(q.g + at), load<W>(q.b + at)};
 }
 
+// Returns which part of what shadow rays carried arrives, by channel.
+template <int W>
+vvec3<W> visible_part(vbool<W> arrives, const vvec3<W>& left, const vvec3<W>& carried) {
+  const auto part = [&](vfloat<W> a, vfloat<W> of) { return select(arrives & (of > vfloat<W>(0.0f)), a / of, 0.0f); };
+  return {part(left.x, carried.x), part(left.y, carried.y), part(left.z, carried.z)};
+}
+
 template <int W>
 PRIMRAY_RARE void trace_shadow_stream(Round& round) {
   const ShadowQueue& q = round.worker.shadows;
@@ -68,6 +75,7 @@ PRIMRAY_RARE void trace_shadow_stream(Round& round) {
   occlude_stream<W>(round.scene.triangle_bvh, round.recorder, q, blocked);
   for (int at = 0; at < q.count; at += W) {
     const vbool<W> open = (lane_numbers<W>() < vint<W>(q.count - at)) & (load<W>(blocked + at) == vint<W>(0));
+    if (PathLog* const log = path_log<W>(round)) log->arrive(log->shadows, at, select(open, vvec3<W>(1.0f), vvec3<W>(0.0f)));
     add_to_slots(round, open, load<W>(q.slot + at), carried_at<W>(q, at));
     if (LpeStore* const lpe = round.worker.lpe.get(); lpe && round.needs.lpe)
       add_arrived(*lpe, lpe->shadows, at, open, load<W>(q.slot + at), carried_at<W>(q, at), vint<W>(0));
@@ -102,6 +110,8 @@ void trace_shadow_lanes(Round& round) {
       blocked = occluded(round.scene, packet, active, rays);
       if (measuring) w.shadow_entry.record(PacketChoice::now() - start, std::min(W, q.count - at));
     }
+    if (PathLog* const log = path_log<W>(round))
+      log->arrive(log->shadows, at, visible_part(!blocked, carried, carried_at<W>(q, at)));
     add_to_slots(round, active & !blocked, load<W>(q.slot + at), carried);
     if (round.needs.lpe) add_arrived(*w.lpe, w.lpe->shadows, at, active & !blocked, load<W>(q.slot + at), carried, passed);
   }
@@ -123,6 +133,7 @@ void trace_special_shadows(Round& round) {
     vint<W> passed(0);
     const vvec3<W> left = pass_special(round.scene, round.recorder, active, rays, light, follows ? &around : nullptr,
                                        round.needs.lpe ? &passed : nullptr);
+    if (PathLog* const log = path_log<W>(round)) log->arrive(log->special_shadows, at, left);
     add_to_slots(round, active, load<W>(q.rays.slot + at), carried * left);
     if (LpeStore* const lpe = round.worker.lpe.get(); lpe && round.needs.lpe)
       add_arrived(*lpe, lpe->special_shadows, at, active, load<W>(q.rays.slot + at), carried * left, passed);

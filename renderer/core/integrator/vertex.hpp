@@ -5,6 +5,7 @@
 #include "guiding/guided_scattering.hpp"
 #include "integrator/media.hpp"
 #include "integrator/rays/path_pool.hpp"
+#include "integrator/rays/ray_recorder.hpp"
 #include "integrator/round.hpp"
 #include "surface/ray_origin.hpp"
 

@@ -24,6 +24,17 @@ struct PassStatistics {
 PassStatistics render_pass(const Scene& scene, const IntegratorSettings& settings, int lanes, std::span<const uint32_t> ends,
                            Film& film, const Progress& progress, RayRecorder* recorder = nullptr);
 
+// Sample indices [first, end) of one replicate.
+struct SampleSpan {
+  uint32_t first, end;
+};
+
+// Renders these samples of the pixel at (x, y) of the frame, on the calling
+// thread with one lane at a time, and adds their events to `log`. The samples
+// are those of any render with these settings.
+void log_pixel(const Scene& scene, const IntegratorSettings& settings, int x, int y, const SampleSpan (&spans)[kReplicates],
+               PathLog& log);
+
 // Kernel for a number of lanes; throws an Error if this module has none.
 TaskFunction kernel_of(int lanes);
 

@@ -76,6 +76,14 @@ FLAGS: dict[str, Flag] = {
         shown=False,
         commands=RENDER,
     ),
+    "debug_pixel": Flag(
+        ("--debug-pixel",),
+        "Print what happens to the samples of one pixel, from the left and the top, in place of a picture.",
+        tuple[int, int],
+        metavar="X Y",
+        shown=False,
+        commands=RENDER,
+    ),
     "pilot_seconds": Flag(
         ("--pilot",),
         "Seconds of sampling for the pilot render.",

@@ -21,7 +21,7 @@ from .native import (
     threads,
     versions,
 )
-from .passes import FilmSamples, Pass, Progress, Recording, choose_splits, coverage, first_hits, render, render_pass
+from .passes import FilmSamples, Pass, Progress, Recording, choose_splits, coverage, first_hits, log_pixel, render, render_pass
 from .scene import CoreScene, Splits
 
 __all__ = [
@@ -47,6 +47,7 @@ __all__ = [
     "isa",
     "lanes",
     "load",
+    "log_pixel",
     "max_depth",
     "module",
     "render",

@@ -49,6 +49,8 @@ class LightUpload:
         self._builder = builder
         self.groups = LightGroups()
         self.has_mesh_lights = False  # some lights are shapes (MeshLightAPI)
+        self.paths: dict[int, str] = {}  # by the core's row
+        self.dome_paths: list[str] = []  # in the core's order
         self._profiles: dict[int, int] = {}  # the core's numbers by id(), since lights share profiles
         self._images: dict[TextureFile, int] = {}
 
@@ -72,7 +74,11 @@ class LightUpload:
             for k, portal in enumerate(light.portals):
                 if portal.motion is not None:
                     made.set_portal_motion(k, *_motion_matrices(portal.motion))
-            self._builder.add_light(made, image)
+            row = self._builder.add_light(made, image)
+            if row is not None:
+                self.paths[row] = light.path
+            if light.type is LightType.DOME:
+                self.dome_paths.append(light.path)
 
     def add_mesh_light(self, light: Light, group_from_object: Doubles) -> int:
         """Add the light of a shape with MeshLightAPI, placed at `group_from_object`; return its number."""

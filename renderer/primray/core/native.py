@@ -107,7 +107,7 @@ def load(isa: str) -> ModuleType:
 def _imported(name: str) -> ModuleType:
     """Import an extension module of the installed package, or of the build that PRIMRAY_CORES names."""
     folder = os.environ.get("PRIMRAY_CORES")
-    if folder is None:
+    if folder is None or name in sys.modules:
         return importlib.import_module(name)
     spec = PathFinder.find_spec(name, [folder])
     if spec is None or spec.loader is None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..arrays import Floats
 from ..settings import RenderSettings
 from . import compiled
-from .film import TILE, Film, uniform_ends
+from .film import TILE, Film, samples_of_replicates, uniform_ends
 from .inputs import integrator_settings
 from .native import lanes, raise_primray_error, threads
 from .scene import CoreScene, Splits
@@ -47,10 +47,21 @@ def render_pass(
 
     The film is valid then, and another pass continues from there to the same bits.
     """
+    asked = _pass_settings(scene, settings, splits)
+    to = np.ascontiguousarray(ends, np.uint32)
+    try:
+        done = compiled.render_pass(scene._scene, film._film, to, asked, lanes=lanes(), progress=progress)
+    except compiled.CoreError as error:
+        raise_primray_error(error)
+    return Pass(done.interrupted, done.seconds, done.busy_lanes, done.shaded_lanes)
+
+
+def _pass_settings(scene: CoreScene, settings: RenderSettings, splits: Splits) -> compiled.IntegratorSettings:
+    """Return the core's IntegratorSettings of a pass."""
     guide, caustics = scene.guide(settings, splits), scene.caustics(settings)
     if guide is not None and guide.alone:
         caustics = None
-    asked = integrator_settings(
+    return integrator_settings(
         settings,
         threads=threads(settings),
         seed=settings.seed,
@@ -62,12 +73,17 @@ def render_pass(
         lpe=scene.lpe_automaton(settings),
         **({} if settings.clamp_indirect is None else {"clamp_indirect": scene.clamp_of(settings.clamp_indirect)}),
     )
-    to = np.ascontiguousarray(ends, np.uint32)
+
+
+def log_pixel(
+    scene: CoreScene, x: int, y: int, samples: tuple[int, int], splits: Splits, settings: RenderSettings
+) -> list[dict[str, Any]]:
+    """Return the events of the samples [first, end) of the pixel at (x, y) of the frame (integrator/path_log.hpp)."""
+    first, end = (samples_of_replicates(number) for number in samples)
     try:
-        done = compiled.render_pass(scene._scene, film._film, to, asked, lanes=lanes(), progress=progress)
+        return compiled.log_pixel(scene._scene, _pass_settings(scene, settings, splits), x=x, y=y, first=first, end=end)
     except compiled.CoreError as error:
         raise_primray_error(error)
-    return Pass(done.interrupted, done.seconds, done.busy_lanes, done.shaded_lanes)
 
 
 def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None = None) -> Film:

@@ -118,6 +118,10 @@ class CoreScene:
         scale = abs(self._exposure_scale)
         return min(value / scale, LARGEST_CLAMP) if scale > 0 else LARGEST_CLAMP
 
+    def shape_of_light(self, row: int) -> tuple[int, int]:
+        """Return the shape of emissive geometry by its light's row, as the plane "prim" numbers it, and its instance or -1."""
+        return compiled.shape_of_light(self._scene, row)
+
     def forget_guides(self) -> None:
         """Discard learnt guides and splitting factors, as if the scene were new: for renders of another depth."""
         self._guides.clear()

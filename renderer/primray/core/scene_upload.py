@@ -131,6 +131,8 @@ def upload_scene(
         light_groups=lights.groups,
         is_editable=is_editable,
         shape_rows=handing.shape_rows,
+        light_paths=lights.paths,
+        dome_paths=lights.dome_paths,
     )
 
 
@@ -164,6 +166,8 @@ class UploadRecord:
     light_groups: LightGroups
     is_editable: bool  # the scene can be edited: no exposure, no shape is a light or an outlier
     shape_rows: ShapeRows
+    light_paths: dict[int, str]  # by the core's row, of lights that are prims of their own
+    dome_paths: list[str]  # in the core's order
 
     @property
     def bounds(self) -> Box | None:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from primray.core.native import module
+
 CORE = Path(__file__).parents[3] / "renderer" / "core"
 PROGRAM = """#include "math/lane_checks.hpp"
 using namespace primray;
@@ -45,6 +47,20 @@ def test_a_false_condition_ends_a_debug_build_with_its_place(program: tuple[int,
     said = "program.cpp:6: assertion failed: are_rows(vint<4>(argc), size_t(2))\n" if is_debug else ""
     assert ran.stderr == said
     assert (ran.returncode < 0) == bool(is_debug)
+
+
+def test_a_module_of_another_folder_is_imported_once(tmp_path: Path) -> None:
+    own = Path(str(module().__file__))
+    (tmp_path / own.name).symlink_to(own)
+    asks = "from primray import core\ncore.module()\nprint(core.load(core.isa()) is core.load(core.isa()))"
+    ran = subprocess.run(
+        [sys.executable, "-c", asks],
+        env=os.environ | {"PRIMRAY_CORES": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ran.stdout == "True\n"
 
 
 def test_a_folder_without_the_class_is_an_error(tmp_path: Path) -> None:

@@ -65,7 +65,19 @@ if TYPE_CHECKING:
         *DIFFUSION,
         "lens_flaws",
     ),
-    *("make_output_path", "snapshot", "ray", "report", "json", *LIGHTING, "turntable", "fps", "preview", *CONTENTS),
+    *(
+        "make_output_path",
+        "snapshot",
+        "ray",
+        "debug_pixel",
+        "report",
+        "json",
+        *LIGHTING,
+        "turntable",
+        "fps",
+        "preview",
+        *CONTENTS,
+    ),
     *("list_cameras", "verbose"),
 )
 def render(
@@ -92,6 +104,7 @@ def render(
     make_output_path: bool = False,
     snapshot: float | None = None,
     ray: str | None = None,
+    debug_pixel: tuple[int, int] | None = None,
     report: str | None = None,
     json: bool = False,
     turntable: int | None = None,
@@ -132,6 +145,20 @@ def render(
         names_space=settings.rendering_color_space is not None,
     )
     process_memory.hold(settings.max_memory_bytes, json, _memory_watch)
+    if debug_pixel is not None:
+        pictures = {
+            "an output": output or outputs,
+            "a product": by_product,
+            "a turntable": turns,
+            "a report": report,
+            "several frames": time_codes is not None and len(time_codes) > 1,
+            "--stereo": stereo,
+            "--ray": ray,
+            "--checkpoint": checkpoint,
+            "--resume": resume,
+            "--snapshot": snapshot,
+        }
+        return _print_pixel(scene, settings, debug_pixel, [name for name, asked in pictures.items() if asked], json)
     if stereo:
         require_files([str(name) for name in names])
         require_whole_renders({"--checkpoint": checkpoint, "--resume": resume, "--snapshot": snapshot})
@@ -158,6 +185,23 @@ def _memory_watch() -> process_memory.Watch:
     from ...core import compiled
 
     return compiled.watch_memory
+
+
+def _print_pixel(scene: str, settings: RenderSettings, pixel: tuple[int, int], pictures: list[str], as_json: bool) -> None:
+    if pictures:
+        raise SettingsError(
+            f"--debug-pixel renders no picture and cannot be combined with {', '.join(pictures)}",
+            where="--debug-pixel",
+            code="debug-pixel",
+        )
+    from ...diagnosis.pixel_log import debug_pixel
+    from ..console import print_line
+
+    log = debug_pixel(scene, *pixel, settings)
+    if as_json:
+        print_line(log.as_json())
+    else:
+        print("\n".join(log.lines()))
 
 
 def _render_turntable(

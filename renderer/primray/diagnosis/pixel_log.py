@@ -1,0 +1,205 @@
+"""Log of the samples of one pixel, for finding out where an outlier comes from: `primray render --debug-pixel`, `debug_pixel`.
+
+The core renders the samples of the pixel once more, one path at a time, and records what happens at each vertex.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from ..errors import SettingsError
+from ..render.render import with_setting_names
+from ..settings import DEFAULT_SPP, RenderSettings, with_values
+
+if TYPE_CHECKING:
+    from ..core import CoreScene
+    from ..settings.written import SettingsValues
+
+Event = dict[str, Any]
+
+NAMING_AOVS = ("prim", "instance", "material")  # they make the core's scene keep the names of its rows
+FLAGS = ("front", "delta", "transmits", "straight", "enters", "survives")
+PROBABILITIES = ("presence", "diffuse", "behind", "fuzz", "specular", "coat", "transmission", "subsurface")
+RADIANCES = ("radiance", "contribution", "unshadowed", "value", "clamped", "caustics")
+
+
+@dataclass(frozen=True)
+class PixelLog:
+    """The samples of one pixel, each with the events of its paths in the order in which they happened.
+
+    >>> log = primray.debug_pixel("shot.usda", 16, 9, resolution=(32, 18), spp=4)
+    >>> len(log.samples), log.samples[0]["events"][0]["kind"]
+    (4, 'camera')
+    """
+
+    scene: str
+    pixel: tuple[int, int]  # from the left and from the top of the frame
+    camera: str
+    splits: tuple[int, int]  # paths that continue from the first surface that is not a mirror, and light samples there
+    value: tuple[float, float, float]  # of the pixel, as in the picture before post-processing
+    alpha: float
+    samples: tuple[Mapping[str, Any], ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `primray render SCENE --debug-pixel X Y --json` prints."""
+        return {
+            "type": "pixel",
+            "scene": self.scene,
+            "pixel": list(self.pixel),
+            "camera": self.camera,
+            "splits": {"paths": self.splits[0], "light_samples": self.splits[1]},
+            "value": list(self.value),
+            "alpha": self.alpha,
+            "samples": list(self.samples),
+        }
+
+    def lines(self) -> list[str]:
+        """Return the log as text: the brightest sample first, since it is the one that outliers come from."""
+        from .pixel_log_text import lines
+
+        return lines(self)
+
+
+@with_setting_names
+def debug_pixel(
+    stage: str | os.PathLike[str] | Any,
+    x: int,
+    y: int,
+    settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
+    **values: Unpack[SettingsValues],
+) -> PixelLog:
+    """Return what happens to the samples of the pixel in column `x` and row `y` of the frame, both from 0, from the top left.
+
+    >>> log = primray.debug_pixel("shot.usda", 16, 9, resolution=(32, 18), spp=4)
+    >>> log.pixel, [event["kind"] for event in log.samples[0]["events"]][:2]
+    ((16, 9), ['camera', 'hit'])
+
+    The samples are those that `render` takes of it with the same settings. A target error or a time limit does not end them:
+    `spp`, or 64, does. Fields of RenderSettings may be given by name. Errors are those of `render`.
+    """
+    settings = with_values(settings, values)
+    from .. import core, usd
+    from ..diagnostics import Diagnostics
+    from ..render.prepare import open_once, prepare
+    from ..report.report import Costs
+
+    opened = open_once(stage, settings)
+    named = _named(settings)
+    prepared = prepare(opened.stage, opened.diagnostics, named, Costs(), Diagnostics())
+    settings, scene = prepared.settings, prepared.scene
+    width, height = prepared.frame.size
+    if not (0 <= x < width and 0 <= y < height):
+        raise SettingsError(
+            f"the frame has {width} x {height} pixels, and none at {x} {y}", where="debug_pixel", code="debug-pixel"
+        )
+    splits = core.choose_splits(scene, settings)
+    events = core.log_pixel(scene, x, y, _samples_of(settings), splits, settings)
+    samples = tuple(_by_sample(_named_events(scene, events, splits)))
+    name = os.fspath(stage) if isinstance(stage, str | os.PathLike) else usd.stage_name(opened.stage)
+    valid = [sample for sample in samples if all(np.isfinite(sample["value"]))]
+    mean = np.mean([[*sample["value"], sample["alpha"]] for sample in valid], axis=0) if valid else np.zeros(4)
+    color = (float(mean[0]), float(mean[1]), float(mean[2]))
+    return PixelLog(name, (x, y), prepared.camera.path, (splits.paths, splits.lights), color, float(mean[3]), samples)
+
+
+def _named(settings: RenderSettings) -> RenderSettings:
+    from dataclasses import replace
+
+    return replace(
+        settings, aovs=(*(settings.aovs or ()), *(name for name in NAMING_AOVS if name not in (settings.aovs or ())))
+    )
+
+
+def _samples_of(settings: RenderSettings) -> tuple[int, int]:
+    """Return the range of samples [first, end) per pixel."""
+    if settings.sample_range is not None:
+        return settings.sample_range
+    return 0, DEFAULT_SPP if settings.spp is None else settings.spp
+
+
+def _named_events(scene: CoreScene, events: Sequence[Event], splits: tuple[int, int]) -> list[Event]:
+    """Return the events with prim paths in place of the core's numbers, truth values, and radiance as the picture has it."""
+    names = _Names(scene, events)
+    numbers: dict[int, int] = {}
+    named = []
+    for event in events:
+        kept = {name: value for name, value in event.items() if name not in names.numbers}
+        for name in RADIANCES:
+            if name in kept:
+                kept[name] = [scene.exposure_scale * part for part in kept[name]]
+        for name in FLAGS:
+            if name in kept:
+                kept[name] = kept[name] > 0
+        if event["kind"] == "camera":
+            numbers[event["sample"]] = event["part"]
+        part = _part(event, numbers.get(event["sample"], 0), splits)
+        del kept["part"]
+        named.append(kept | names.of(event) | ({} if part is None else {"part": part}))
+    return named
+
+
+def _part(event: Event, number: int, splits: tuple[int, int]) -> int | None:
+    """Return which part of a split sample, or of several light samples, an event belongs to; None: it is not split."""
+    parts = splits[1] if event["kind"] == "light sample" and event["vertex"] == 0 else splits[0]
+    part = event["part"] - number * parts
+    return part if parts > 1 and 0 <= part < parts and (event["part"] != number or event["vertex"] > 0) else None
+
+
+class _Names:
+    """Prim paths by the core's numbers of shapes, instances, materials and lights."""
+
+    numbers = ("shape", "surface", "instance", "outer", "light", "dome")
+
+    def __init__(self, scene: CoreScene, events: Sequence[Event]) -> None:
+        from ..images.first_hit import Ids
+
+        assert scene.uploaded is not None
+        self._lights, self._domes = dict(scene.uploaded.light_paths), scene.uploaded.dome_paths
+        shapes = {(int(e["shape"]), int(e["surface"]), int(e["instance"]), int(e["outer"])) for e in events if "shape" in e}
+        emitters: dict[int, tuple[int, int]] = {}
+        for event in events:
+            light = int(event.get("light", -1))
+            if light >= 0 and light not in self._lights:
+                emitters[light] = scene.shape_of_light(light)
+        rows = [*shapes, *((shape, -1, instance, -1) for shape, instance in emitters.values())]
+        assert scene.record is not None
+        ids = Ids(scene, scene.record, scene.record.names)
+        table = np.array(rows, np.int32).reshape(-1, 4)
+        planes = {name: table[:, [k]] for k, name in enumerate(("prim", "material", "instance", "outer"))}
+        found = [ids.prim(planes), ids.material(planes), ids.instance(planes)]
+        texts = [[names.get(int(number), "") for number in numbers[:, 0]] for numbers, names in found]
+        self._rows = {row: (texts[0][i], texts[1][i], texts[2][i]) for i, row in enumerate(rows)}
+        for light, (shape, instance) in emitters.items():
+            prim, _, placed = self._rows[shape, -1, instance, -1]
+            self._lights[light] = f"{prim} in {placed}" if placed else prim
+
+    def of(self, event: Event) -> Event:
+        found: Event = {}
+        if "shape" in event:
+            row = int(event["shape"]), int(event["surface"]), int(event["instance"]), int(event["outer"])
+            prim, material, instance = self._rows[row]
+            found |= {"prim": prim, "material": material} | ({"instance": instance} if instance else {})
+        if event.get("light", -1) >= 0:
+            found["light"] = self._lights[int(event["light"])]
+        if "dome" in event:
+            found["light"] = self._domes[int(event["dome"])]
+        return found
+
+
+def _by_sample(events: Sequence[Event]) -> Iterator[Event]:
+    """Yield one mapping for each sample: its value and its own events; paths of different samples alternate in `events`."""
+    own: dict[int, list[Event]] = {}
+    for event in events:
+        own.setdefault(event.pop("sample"), []).append(event)
+    for number, found in sorted(own.items()):
+        last = found.pop()
+        assert last["kind"] == "sample"
+        camera = next(event for event in found if event["kind"] == "camera")
+        facts = {name: last[name] for name in last if name not in ("kind", "vertex", "depth")}
+        place = {"number": number, "replicate": int(camera.pop("replicate")), "index": int(camera.pop("index"))}
+        yield place | facts | {"events": found}
