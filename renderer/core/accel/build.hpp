@@ -1,5 +1,5 @@
-// Builds Embree scenes for the groups of a Scene: prototypes first, then the top scene with all static geometry and placements.
-// Worlds of triangles alone are traced without Embree (accel/query.hpp).
+// Builds Embree scenes for the groups of a Scene: prototypes first, then the top-level scene (the world), which has the
+// placements and all geometry that is not instanced. A world of triangles alone is traced without Embree (accel/query.hpp).
 #pragma once
 
 #include "accel/trace.hpp"
@@ -7,18 +7,18 @@
 
 namespace primray {
 
-// Fills groups[].accel, or `few` or `many` in place of the world's. Positions, indices, records and matrices are shared with
-// Embree, so the Scene must not move or grow afterwards.
+// Fills groups[].accel, or few_triangles or triangle_bvh in place of the world's. Positions, indices, records and matrices are
+// shared with Embree, so the Scene must not move or grow afterwards.
 void build_accel(Scene& scene);
 
-// The world in Embree, built again if the scene has it in another structure: for comparisons with Embree.
+// The world in Embree, built for comparisons even where the scene has it in another structure.
 class EmbreeWorld {
  public:
   explicit EmbreeWorld(const Scene& scene);
   rtc::Scene get() const { return scene_; }
   bool apart() const { return own_.get() != nullptr; }
 
-  // Hits of it in the scene's numbering.
+  // Converts hits to the scene's numbering of geometry.
   template <int W>
   Hits<W> in_scene(Hits<W> h) const {
     if (!apart()) return h;

@@ -1,8 +1,8 @@
-// Intersection filter for nearest hits and for shadow rays, one lane at a time: packets of incoherent rays have 1.1 lanes per
-// call on average.
+// Embree's filter functions for cutouts (surfaces with an opacityThreshold): they reject hits in a cutout's holes, for nearest
+// hits and shadow rays alike. Lanes are handled one at a time: a call for a packet of incoherent rays has 1.1 on average.
 //
-// Opacity is read at the finest texture level, since a filter knows no ray cone: a cutout has the same holes for every ray. A
-// ray that hits the edge of two triangles may be tested twice, with the same answer.
+// Opacity is read at the finest mip level, since a filter does not know the ray's cone: a cutout has the same holes for every
+// ray. A ray that hits an edge shared by two triangles may be tested twice, with the same answer.
 #include "accel/geometry.hpp"
 
 #include "surface/evaluate_inputs.hpp"
@@ -10,7 +10,7 @@
 namespace primray {
 namespace {
 
-// Input of the filter for lane `i`, with Embree's layout: field by field, all lanes of each.
+// A filter's input for lane `i`. Embree stores it field by field, with all lanes of each.
 struct FilterHit {
   float u, v;
   uint32_t prim, instance, instance_prim;
@@ -54,7 +54,7 @@ bool is_hole(const CutoutGroup& cutouts, const FilterHit& hit) {
   const Scene& scene = *cutouts.scene;
   const Group& group = scene.groups[cutouts.group];
   const vbool<1> yes(true);
-  // MediumState a group of instances the numbers are the group's own: primvars of the instance are not read there.
+  // Within a group of instances the numbers are the group's own, so primvars of the instance are not read there.
   const bool placed = hit.instance != rtc::kInvalidId && !scene.has_grouped;
   const int32_t placement = placed ? int32_t(hit.instance - kFirstPlacement + scene.groups[0].placement_base) : -1;
   const int32_t triangle = int32_t(group.triangle_base + cutouts.first + hit.prim);

@@ -1,4 +1,4 @@
-// Instances of first hits for fewer lanes than the ISA class renders with.
+// Explicit instantiations of fill_first_hits() for fewer lanes than the ISA class renders with: 1, 4 and 8.
 #include "aov/first_hit_task.hpp"
 
 namespace primray {

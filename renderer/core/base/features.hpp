@@ -1,8 +1,8 @@
 // Features of the core that are compiled in: all, unless PRIMRAY_WITHOUT (CMakeLists.txt) leaves some out, to measure the cost
-// of their code in scenes that do not use them (tests/bench/features_off.py). A scene that needs one of these is refused.
+// of their code in scenes that do not use them (tests/bench/features_off.py). A scene that needs a feature left out is refused.
 #pragma once
 
-// CMakeLists.txt defines those that are left out, as 0.
+// CMakeLists.txt defines those that are left out as 0.
 #ifndef PRIMRAY_HAS_ATTRIBUTES
 #define PRIMRAY_HAS_ATTRIBUTES 1
 #endif
@@ -69,7 +69,7 @@ constexpr bool kTextures = PRIMRAY_HAS_TEXTURES;
 constexpr bool kThin = PRIMRAY_HAS_THIN;
 }  // namespace built
 
-// Fact of a scene that saves work if it is false; constantly false in a build without the feature.
+// Whether a scene uses a feature: what is false saves work, and it is always false in a build without the feature.
 template <bool kBuilt>
 class Fact {
  public:

@@ -1,4 +1,5 @@
-// Checked numpy arrays as arguments and results; the only file besides the bindings themselves that uses nanobind.
+// What all bindings share: numpy arrays as checked arguments and as results, and the function that binds each part of the
+// module.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -40,13 +41,13 @@ OutArray<T, N> to_numpy(std::vector<T> data, const size_t (&shape)[N]) {
   return OutArray<T, N>(owned->data(), N, shape, owner);
 }
 
-// Policy of properties whose getter makes a new array: it belongs to nobody else.
+// Return value policy of properties whose getter makes a new array, which nothing else owns.
 constexpr auto kNewArray = nb::rv_policy::automatic;
 
 struct ImageInput;
 class SceneBuilder;
 
-// Views (H, W, C) floats as an image; no pixels: no image.
+// Returns a view of (H, W, C) floats as an image; without pixels, no image.
 ImageInput image_input(const InArray<float>& pixels);
 
 void bind_facts(nb::module_& m);

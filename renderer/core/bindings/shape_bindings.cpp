@@ -1,4 +1,4 @@
-// Python bindings of meshes, curved shapes and their primvars, and bounding boxes of arrays of points.
+// Python bindings of meshes, curves, spheres and their primvars, and bounding boxes of arrays of points.
 #include <algorithm>
 
 #include "bindings/inputs.hpp"
@@ -12,7 +12,7 @@ struct HeldMesh : MeshInput {
   InArray<int32_t> held_triangles, held_surfaces;
 };
 
-// Returns (N, 2, 3): the smallest and largest coordinates of every array of points; zeros for empty arrays.
+// Returns (N, 2, 3): the lower and upper corners of the bounding box of each array of points; zeros for an empty array.
 OutArray<double, 3> boxes(nb::typed<nb::sequence, InArray<float>> arrays) {
   std::vector<double> out;
   const size_t count = nb::len(arrays);

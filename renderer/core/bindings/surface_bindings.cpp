@@ -1,4 +1,4 @@
-// Python bindings of surfaces: their constants, and the sources of varying inputs.
+// Python bindings of surfaces: constant inputs, sources of varying ones (textures, primvars), and tapes of pattern networks.
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -12,7 +12,7 @@ namespace primray {
 
 namespace {
 
-// One row per instruction: operation, width, steps, result, four operands, data.
+// A tape's code is one row per instruction: operation, width, steps, result, four operands, data.
 constexpr size_t kCodeColumns = 9;
 
 std::vector<Instruction> code_of(std::span<const int32_t> rows) {
@@ -62,7 +62,7 @@ void bind_tape(nb::module_& m) {
       .def_rw("asks_object_space", &Tape::asks_object_space);
 }
 
-// Binds a colour or a number of the inputs that `member` finds.
+// Binds the colour or number that `member` selects from the inputs.
 template <class Inputs, class Member>
 void def_input(nb::class_<Inputs>& c, const char* name, Member member) {
   using Value = std::remove_cvref_t<decltype(member(std::declval<Inputs&>()))>;

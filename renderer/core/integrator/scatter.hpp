@@ -149,7 +149,7 @@ PRIMRAY_RARE void attenuate_sky_light(Round& round, vbool<W> lit, const Crossing
   round.worker.inside->shadows.put(round.worker.shadows.count, Compaction<W>(lit), ShadowMedia<W>{inside.stack, lead});
 }
 
-// On the last bounce only visibility of the environment matters, so a cheaper shadow ray is traced.
+// Queues a shadow ray in place of a path's last ray where only the environment's visibility matters: it is cheaper to trace.
 template <int W>
 PRIMRAY_INLINE void queue_sky_shadow(Round& round, vbool<W> last, const PathLanes<W>& n, const Crossing<W>* crossing,
                                      const BsdfSample<W>& s, vfloat<W> lead) {

@@ -1,7 +1,8 @@
 """The check of a scene: an upload is examined once, so that jobs fail early and the page knows what to offer.
 
-First every layer is examined alone (its asset paths, its depth, its expanded size), then the composed stage. Problems end the
-check; what can be rendered anyway is a warning. The sandbox enforces the boundary: the check gives clear messages.
+First every layer is examined alone (its asset paths, its depth, the number of prims it expands to), then the composed stage. A
+Problem ends the check and refuses the scene; what can be rendered anyway is a warning. It is the sandbox that keeps hostile
+scenes in; the check only makes clear messages of what it finds.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Sends(Protocol):
 
 
 def check_scene(command: Mapping[str, Any], job: Path, out: Path, channel: Sends) -> None:
-    """Check a scene; Problem if it is refused; else sends `facts`, after its warnings."""
+    """Check a scene and send its warnings, then its `facts`; raise Problem if the scene is refused."""
     check = _Check(command, job, channel)
     if command["kind"] == SHARED:
         from .check_shared import check_shared
@@ -152,7 +153,7 @@ class _Check:
         return find(container, file.name, path)
 
     def _resolve_all(self) -> None:
-        """Resolve every path in every layer: refuse those that lead outside, warn of missing files."""
+        """Resolve every asset path of every layer: refuse those that lead outside the upload, note missing files."""
         for name, content in self.contents.items():
             for expression in content.expressions:
                 refuse_expression(self.layers_found[name][0], self.layers_found[name][1].name, expression)
@@ -213,8 +214,8 @@ class _Check:
         return stage
 
     def _shown(self, missing: MissingLayer) -> tuple[str, str]:
-        """Return layer and path as the sender knows them: the same words whether the file exists on this machine or not,
-        without this machine's folders. Of what leads outside by composition, only the last component."""
+        """Return layer and path as the uploader knows them: the same whether or not the file exists on this machine, without
+        this machine's folders. A path that composition resolved outside the upload is reduced to its last component."""
         root = f"{self.root}/"
         path = missing.asset_path
         if path.startswith(root):  # for members of a usdz, USD reports absolute paths
@@ -224,8 +225,8 @@ class _Check:
         return layer_file(missing.layer).removeprefix(root), path
 
     def _warn_of_not_uploaded(self, reported: Collection[str]) -> None:
-        """Warn of files that were not uploaded, except for those that the stage's own notes reported: hidden variants, clips,
-        unbound materials."""
+        """Warn of files that were not uploaded and that the composed stage did not report: those of unselected variants, of
+        clips, and of unbound materials."""
         for layer, path in self.not_uploaded:
             if path not in reported:
                 self._warn("asset-not-uploaded", "", f"The layer {layer!r} names {path!r}, which was not uploaded.")

@@ -1,10 +1,9 @@
-"""Previews: the current picture in a file that needs no decoder, written by workers and read by the server, which trusts
-nothing of it.
+"""Previews: the current picture in a file that needs no decoder, written by workers and read by the server, which validates it.
 
 Little-endian throughout: the magic, version, sizes of the preview and of the picture, the number of complete passes, total
 samples (HEADER), number of channels, each one's name (a length byte, ASCII), and the channels one after another as half floats,
-rows from the top. Colours are scene-referred, linear Rec.709, whatever the EXR's are; `stderr.*` are their standard errors,
-infinite while unknown. A picture of more than a megapixel is averaged over boxes of k x k pixels.
+rows from the top. Colours are scene-referred, linear Rec.709, whatever the EXR's colour space; `stderr.*` are their standard
+errors, infinite while unknown. A picture of more than a megapixel is averaged over boxes of k x k pixels.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ class Preview:
 
 
 class BadPreview(ValueError):
-    """The file is not what this module writes."""
+    """The file is not a preview that this module could have written."""
 
 
 def preview_of(pixels: Values, errors: Values, passes: int, samples: int) -> Preview:
@@ -106,7 +105,7 @@ def _box_mean(values: Values, side: int) -> Values:
 
 
 def write_preview(preview: Preview, folder: Path) -> tuple[str, int]:
-    """Write it to its name in the folder in one step; return that name, and its size."""
+    """Write the preview's file in the folder atomically; return the file's name and size."""
     width, height = preview.resolution
     head = HEADER.pack(MAGIC, VERSION, width, height, *preview.picture, preview.passes, preview.samples)
     names = b"".join(bytes([len(name)]) + name.encode() for name in CHANNELS)
@@ -118,7 +117,7 @@ def write_preview(preview: Preview, folder: Path) -> tuple[str, int]:
 
 
 def read_preview(path: Path) -> Preview:
-    """Read a preview; BadPreview unless every byte is valid; FileNotFoundError if there is none. Links are not followed."""
+    """Read a preview, following no links; raise BadPreview unless it is valid, FileNotFoundError if it is missing."""
     handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(handle, "rb") as file:
         data = file.read(MOST_BYTES + 1)

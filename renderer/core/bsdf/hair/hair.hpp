@@ -2,10 +2,10 @@
 // Tracing", after Marschner et al. 2003 and d'Eon et al. 2011.
 //
 // Directions are in a local frame whose +x is the fibre's direction and +z the normal of the tube at the hit, on the side of
-// wo. A lobe is light that was internally reflected p - 1 times: the product of its longitudinal distribution (d'Eon's), its
-// attenuation, and its azimuthal distribution (a logistic function, cut off at half a turn). The sum of all is f cos: it
-// integrates to the total attenuation. The offset of the hit across the fibre follows from the normal, so azimuths are
-// near-field.
+// wo. Lobe p is light that crosses the fibre p times: R, TT, TRT, and the sum of all further ones. Each is the product of its
+// longitudinal distribution (d'Eon's), its attenuation, and its azimuthal distribution (a logistic function, truncated at half
+// a turn). Their sum is f cos, which integrates to the total attenuation. The model is near-field: the offset h of the hit
+// across the fibre follows from the normal.
 #pragma once
 
 #include "bsdf/basics/scattering.hpp"
@@ -15,7 +15,7 @@
 
 namespace primray {
 
-// e^-x of x >= 0.
+// e^-x for x >= 0.
 template <int W>
 PRIMRAY_INLINE vfloat<W> exp_minus(vfloat<W> x) {
   return exp2_negative<W>(x * -1.44269504f);
@@ -38,8 +38,8 @@ struct Hair {
   using F = vfloat<W>;
   using V = vvec3<W>;
 
-  V left[kHairLobes];                                          // attenuation of white light, by lobe
-  F chance[kHairLobes];                                        // probability of sampling each
+  V left[kHairLobes];                                          // attenuation of each lobe
+  F chance[kHairLobes];                                        // probability of sampling each lobe
   F sin_tilted[kHairLobes], cos_tilted[kHairLobes];            // inclination of wo, tilted by the scales
   F variance[kHairLobes], scale[kHairLobes], cut[kHairLobes];  // cut: integral of the logistic within half a turn
   F turned[kHairLobes];                                        // azimuth relative to wo at which the lobe peaks
@@ -48,7 +48,7 @@ struct Hair {
   PRIMRAY_INLINE Hair(const HairRows<W>& row, const V& wo) {
     const F one(1.0f), sin_out = clamp(wo.x, -1.0f, 1.0f), cos_out = safe_sqrt(1.0f - sin_out * sin_out);
     gamma = atan2(wo.y, wo.z);
-    // An inclined section refracts light like a higher index (d'Eon et al. 2011).
+    // An inclined cross-section refracts like one of a higher index (d'Eon et al. 2011).
     const F ior = row(kHairIor), sin_in = sin_out / ior, cos_in = safe_sqrt(1.0f - sin_in * sin_in);
     const F h = clamp(wo.y / max(cos_out, 1e-6f), -1.0f, 1.0f);
     const F bent = safe_sqrt(ior * ior - sin_out * sin_out) / max(cos_out, 1e-6f);
@@ -95,7 +95,7 @@ struct Hair {
     return r;
   }
 
-  // `lobe` chooses one, and its remainder is a third random number.
+  // `lobe` in [0, 1) chooses a lobe; its position within that lobe's share is reused as a third random number.
   PRIMRAY_INLINE BsdfSample<W> sample(F lobe, F u, F v) const {
     using B = vbool<W>;
     F below(0.0f), within = lobe, sin_o(0.0f), cos_o(1.0f), var(1.0f), s(1.0f), c(1.0f), to(0.0f);

@@ -1,4 +1,5 @@
-// Inputs of a hair fibre, and the row of lobe parameters computed from them.
+// Inputs of the hair BSDF (hair.hpp), one list for constants, for lanes and for Python, and the row of lobe parameters computed
+// from them.
 #pragma once
 
 #include <string>
@@ -11,10 +12,8 @@
 
 namespace primray {
 
-// Inputs of a hair fibre: one list, for constants, for lanes and for Python.
-
-// Tints and widths of light that is reflected (r), transmitted (tt), and internally reflected once (trt), as in MaterialX's
-// chiang_hair_bsdf. Variances are of longitudinal angles, scales of the azimuthal logistic.
+// Tints and widths of the lobes of light that is reflected (r), transmitted (tt), and internally reflected once (trt), as in
+// MaterialX's chiang_hair_bsdf. Variances are those of longitudinal angles, scales those of the azimuthal logistic.
 template <class Color, class Number>
 struct HairInputs {
   Color absorption;  // over the distance of the fibre's radius
@@ -25,7 +24,7 @@ struct HairInputs {
   Number cuticle_tilt;  // radians
 };
 
-// Defaults: a black fibre of Chiang et al. 2016 with both roughnesses 0.3 and scales tilted by 2 degrees.
+// Defaults: a colourless fibre of Chiang et al. 2016 with both roughnesses 0.3 and cuticle scales tilted by 2 degrees.
 struct HairInput : HairInputs<vec3, float> {
   HairInput()
       : HairInputs{.absorption{0, 0, 0},
@@ -45,7 +44,7 @@ struct HairInput : HairInputs<vec3, float> {
 // Calls f(name, range, member), where member(inputs) is that input of a HairInputs.
 template <class F>
 PRIMRAY_INLINE void for_each_hair_input(const F& f) {
-  // Narrower lobes are below the precision of unit vectors in float; wider ones are uniform.
+  // Lobes narrower than these are below the precision of float unit vectors; wider ones are uniform.
   constexpr InputRange unit, variances{1e-6f, 100}, scales{1e-3f, 100}, tilts{-1.5f, 1.5f}, iors{1, 100};
 #define PRIMRAY_INPUT(name, range) f(#name, range, [](auto& v) -> auto& { return v.name; })
   PRIMRAY_INPUT(absorption, kNotNegative);
@@ -64,7 +63,7 @@ PRIMRAY_INLINE void for_each_hair_input(const F& f) {
 }
 
 inline std::string hair_name(std::string_view name) { return "hair_" + std::string(name); }
-// Fields of OpenPBR's inputs end before those of hair.
+// Hair's fields come after those of OpenPBR's inputs.
 constexpr int32_t kFirstHairField = int32_t(InputField::kOpenPbr) + 64;
 constexpr InputField hair_field(int k) { return InputField(kFirstHairField + k); }
 
@@ -99,9 +98,9 @@ struct HairValues : HairInputs<vvec3<W>, vfloat<W>> {
   }
 };
 
-constexpr int kHairLobes = 4;  // reflected; transmitted; internally reflected once; more often
+constexpr int kHairLobes = 4;  // R, TT, TRT, and light internally reflected more than once
 
-// Columns of a row; colours have three, and none is the last.
+// Columns of a row; a colour has three, and none comes last.
 enum HairField : int {
   kHairAbsorption,
   kHairTint = kHairAbsorption + 3,  // of three lobes; the last uses the third's
@@ -112,9 +111,9 @@ enum HairField : int {
   kHairFields = kHairTilt + 2 * 3
 };
 
-// Computes the columns of W rows of one surface with inputs `v`. Scales tilt reflected light by 2 alpha towards the root (-x),
-// transmitted light by alpha and internally reflected light by 4 alpha towards the tip (Marschner et al. 2003, Chiang et al.
-// 2016).
+// Computes the columns of W rows of one surface with inputs `v`. Cuticle scales tilt reflected light by 2 alpha towards the
+// root (-x), transmitted light by alpha and internally reflected light by 4 alpha towards the tip (Marschner et al. 2003,
+// Chiang et al. 2016).
 template <int W>
 PRIMRAY_INLINE void reduce_hair(const HairValues<W>& v, vfloat<W> (&row)[kHairFields]) {
   const auto put = [&](int field, const vvec3<W>& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };

@@ -1,4 +1,4 @@
-// Albedos of OpenPBR's lobes from tables (tables.hpp), interpolated in lanes.
+// Directional albedos of OpenPBR's GGX lobes, interpolated in tables (tables.hpp) for W lanes.
 #pragma once
 
 #include "bsdf/basics/albedo.hpp"
@@ -6,7 +6,7 @@
 
 namespace primray {
 
-// Position between the nodes of an axis with `count` nodes, x counting nodes.
+// Position x, in nodes, on a table's axis of `count` nodes: the node before it, and the fraction of the way to the next.
 template <int W>
 struct NodePlace {
   vint<W> first;
@@ -22,7 +22,7 @@ PRIMRAY_INLINE vfloat<W> between(vfloat<W> a, vfloat<W> b, vfloat<W> part) {
   return a + (b - a) * part;
 }
 
-// Axes of make_tables.py.
+// Coordinates on the axes that make_tables.py defines.
 template <int W>
 struct AlbedoAxes {
   vfloat<W> mu, roughness, alpha, x;  // x: 0 at grazing angles, 1 at normal incidence
@@ -56,8 +56,8 @@ PRIMRAY_INLINE vfloat<W> whole_albedo(vfloat<W> cosine, vfloat<W> roughness) {
   return a.f0 + a.f90;
 }
 
-// Cosine at which a smooth interface reflects as much as the rough one in total, divided by whole_albedo(); `eta` is at least
-// 1.
+// Cosine at which the Fresnel reflectance of a smooth interface equals the rough one's albedo over whole_albedo(); `eta` is at
+// least 1.
 template <int W>
 PRIMRAY_INLINE vfloat<W> fresnel_cosine(vfloat<W> cosine, vfloat<W> roughness, vfloat<W> eta) {
   const AlbedoAxes<W> axes(cosine, roughness);
@@ -68,7 +68,7 @@ PRIMRAY_INLINE vfloat<W> fresnel_cosine(vfloat<W> cosine, vfloat<W> roughness, v
   return clamp(axes.mu + excess * axes.alpha / (axes.roughness + 0.05f), 0.0f, 1.0f);
 }
 
-// Sum of reflection and transmission of an isotropic dielectric's single scattering.
+// Albedo of an isotropic rough dielectric's single scattering, reflection and transmission together.
 template <int W>
 PRIMRAY_INLINE vfloat<W> passing_albedo(vfloat<W> cosine, vfloat<W> roughness, vfloat<W> eta) {
   const AlbedoAxes<W> axes(cosine, roughness);
@@ -77,7 +77,7 @@ PRIMRAY_INLINE vfloat<W> passing_albedo(vfloat<W> cosine, vfloat<W> roughness, v
                                 kPassingRoughnesses, kPassingCosines);
 }
 
-// Albedo of an anisotropic lobe with F = 1, relative to the isotropic one.
+// Albedo of an anisotropic reflection lobe with F = 1, over that of the isotropic one.
 template <int W>
 PRIMRAY_INLINE vfloat<W> brushed_ratio(const vvec3<W>& wo, vfloat<W> roughness, vfloat<W> anisotropy) {
   const AlbedoAxes<W> axes(wo.z, roughness);

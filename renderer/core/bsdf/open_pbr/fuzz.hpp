@@ -1,5 +1,5 @@
-// Fuzz lobe: Zeltner, Burley and Chiang 2022, "Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines" (their
-// coefficients are in fuzz_table.cpp).
+// OpenPBR's fuzz (sheen) lobe, a linearly transformed cosine: Zeltner, Burley and Chiang 2022, "Practical Multiple-Scattering
+// Sheen Using Linearly Transformed Cosines", whose coefficients are in fuzz_table.cpp.
 #pragma once
 
 #include "bsdf/open_pbr/tables.hpp"
@@ -9,8 +9,8 @@ namespace primray {
 
 template <int W>
 struct Fuzz {
-  vfloat<W> a, b;       // coefficients of the inverse transformation (x, y, z) -> (a x + b z, a y, z), in the plane of the view
-  vfloat<W> reflected;  // albedo of a white lobe
+  vfloat<W> a, b;       // coefficients of the inverse transformation (x, y, z) -> (a x + b z, a y, z); wo is in the xz plane
+  vfloat<W> reflected;  // directional albedo of a white lobe
   vfloat<W> cos_phi, sin_phi;
 
   PRIMRAY_INLINE Fuzz() = default;
@@ -33,7 +33,7 @@ struct Fuzz {
     const vbool<W> aside = side2 > vfloat<W>(1e-12f);
     cos_phi = select(aside, wo.x * scale, 1.0f), sin_phi = select(aside, wo.y * scale, 0.0f);
   }
-  // Density per solid angle of directions wi above the surface; also the shape of the lobe, including the cosine.
+  // Density per solid angle of directions wi above the surface. The lobe times the cosine is `reflected` times this.
   PRIMRAY_INLINE vfloat<W> density(const vvec3<W>& wi) const {
     const vfloat<W> x = cos_phi * wi.x + sin_phi * wi.y, y = cos_phi * wi.y - sin_phi * wi.x;
     const vfloat<W> u = a * x + b * wi.z, v = a * y, z = max(wi.z, 0.0f), q = u * u + v * v + z * z;

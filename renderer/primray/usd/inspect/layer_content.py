@@ -1,11 +1,13 @@
-"""Content of one layer, opened without any other: the files that it names, its prims with their arcs, and what they expand to.
+"""Content of one layer, opened without any other: the files that it names, its prims with their composition arcs, and how many
+prims these expand to.
 
-Composition would open what is named (so does UsdUtils.ComputeAllDependencies), so nothing is composed here. Asset paths are
-those of all variants, time samples, arrays, clips and metadata; expressions are evaluated with the layer's own variables only.
+Composing a layer opens the files that it names (as UsdUtils.ComputeAllDependencies does), so nothing is composed here. Asset
+paths are those of all variants, time samples, arrays, clips and metadata; expressions are evaluated with the layer's own
+variables only.
 
-Ten prims that each refer ten times to the next level are a thousand million prims nine levels down, in 3 kB. Their number is
-estimated from above before USD composes what might never end: sublayers and arcs add up, the largest variant counts, cycles
-end.
+Ten prims, each of which references the next one ten times, are a billion prims in a file of 3 kB. An upper bound of the number
+is computed before USD composes what might never end: sublayers and arcs are added, a variant set counts as its largest variant,
+and a cycle is cut where it closes.
 """
 
 from __future__ import annotations

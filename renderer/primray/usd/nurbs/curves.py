@@ -1,7 +1,7 @@
 """UsdGeomNurbsCurves as Bezier segments. Non-rational curves of degree up to 3 are converted exactly; in others each knot span
-is divided until the error is within FAR of the curve's size (thousandths of a pixel).
+is divided until the error is within TOLERANCE of the curve's size (thousandths of a pixel).
 
-A piece interpolates the curve's points and derivatives at both ends (Hermite), which are linear in the control points, so the
+A piece interpolates the curve's points and derivatives at both ends (Hermite). These are linear in the control points, so the
 matrices found for the points at the frame also hold for other times, widths and primvars. There are count + order knots, as in
 the schema; the upper bound of a range is at most knots[count], where the last span ends.
 """
@@ -25,7 +25,7 @@ HIGHEST_ORDER = 16
 
 @dataclass(frozen=True, eq=False)
 class NurbsCurve:
-    """NURBS curve."""
+    """A NURBS curve without its control points."""
 
     order: int
     knots: Doubles  # (n + order,)

@@ -1,7 +1,8 @@
-"""A claimed frame that is rendered as parts, until its row says how it ended or that it is queued again.
+"""ParallelFrame renders a claimed frame as parts, until the frame's row in the store says how it ended or is queued again.
 
-Parts run in asyncio tasks of their own, which end before this one does. Merged samples are in the frame's checkpoint, so that
-the picture is made as for any frame that resumes from its checkpoint: by a RunningFrame, which takes no more samples.
+Each part runs in an asyncio task of its own, and all of these end before the frame's task does. Merged samples are in the
+frame's checkpoint, and its picture is made as that of any frame that resumes from a checkpoint: by a RunningFrame, which takes
+no more samples.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ NOT_LOST = ("enough", "cancel")  # parts that are no longer needed
 
 
 class ParallelFrame:
-    """A frame rendered in at most `places` slots at a time. `going`: it was told to end or to yield; `has_given_way`: a part of
-    it was preempted."""
+    """A frame rendered in at most `places` slots at a time. `going`: it was told to end or to yield;
+    `was_preempted`: a part of it had to yield."""
 
     def __init__(
         self, context: Context, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]], places: int
@@ -60,7 +61,7 @@ class ParallelFrame:
         self._merging: tuple[asyncio.Task[Found | Outcome], MergeRun] | None = None
         self._picture: RunningFrame | None = None
         self._wants_preview = False
-        self._has_freed = False  # slots freed since others were notified
+        self._has_freed = False  # a slot was freed since others were notified
         self._plan = Plan(self.job.settings.get("stop", {}), places)
         self._merges = MergePace(self._loop.time(), places)
         capacity = context.executor.capacity()
