@@ -14,8 +14,10 @@ SUFFIXES = (".py", ".hpp", ".cpp")
 # By recipe, what only files name that tell its kinds apart: each file of the product that holds it is in the recipe. The kind
 # that is looked for is an ordinary one, whose neighbours would be handled at the same places.
 WITNESSES: Mapping[str, str] = {
-    "A light type": r"\bLightType\.CYLINDER\b|\bLightType::kCylinder\b|\bCylinderLight\b",
+    "A light type": r"\bLightType\.(CYLINDER|DISK)\b|\bLightType::k(Cylinder|Disk)\b|\b(Cylinder|Disk)Light\b",
     "A prim type": r'"HermiteCurves"|\bCurvedKindList\b',
+    "A lobe of UsdPreviewSurface": r"\bkClearcoat\b|\b(b|bsdf)\.any_coat\b|\bbsdf\.p_coat\b",
+    "A lobe of OpenPBR": r"\bfuzz_weight\b",
     "A diagnostic": r"^CODES\b.*=",
     "A route": r"^ROUTERS\b.*=",
     "An AOV": r'"geometric_normal"',

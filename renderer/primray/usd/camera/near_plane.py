@@ -1,4 +1,4 @@
-"""Check for geometry that the camera's near plane clips: a few rays are traced from the eye to the plane.
+"""Check for geometry that the camera's near plane (camera.py reads it) clips: a few rays are traced from the eye to the plane.
 
 Instances and scenes of many objects are not tested, as the check has to cost less than a hundredth of a translation.
 """

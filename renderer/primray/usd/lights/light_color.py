@@ -1,8 +1,8 @@
 """Colour of a light: colour inputs in the rendering space, and illuminants.
 
-An illuminant is the spectrum of PhysicalLightIlluminantAPI (OpenUSD-proposals, physical-lighting) and replaces the colour
-temperature. Its colour has luminance 1, whatever a custom spectrum's scale is. Attributes are read whether or not USD knows
-the schema; its fallback value, white, counts only if the schema is applied.
+An illuminant is the spectrum of PhysicalLightIlluminantAPI (OpenUSD-proposals, physical-lighting) and replaces UsdLux's colour
+temperature, which authored.py applies. Its colour has luminance 1, whatever a custom spectrum's scale is. Attributes are read
+whether or not USD knows the schema; its fallback value, white, counts only if the schema is applied.
 """
 
 from __future__ import annotations
