@@ -25,10 +25,10 @@ struct IntegratorSettings {
   GuideLog* log = nullptr;                 // records of paths that learn a guide
   const CausticGuide* caustics = nullptr;  // guide of scattered rays towards metal and glass
   const LpeAutomaton* lpe = nullptr;       // light path expressions of the film
-  PathLog* paths = nullptr;                // events of all paths, with one lane
   // Upper limit of the largest channel of a sample's indirect light (two scattering events and more); infinite: none. Pilots
   // and guides have no limit, so a clamp changes no path.
   float clamp_indirect = std::numeric_limits<float>::infinity();
+  PathLog* paths = nullptr;  // events of all paths, with one lane
 
   bool clamps() const { return clamp_indirect < std::numeric_limits<float>::infinity(); }
 };

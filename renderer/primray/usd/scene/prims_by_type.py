@@ -14,6 +14,8 @@ from ..stage.traversal import exists, is_in_world, populated, prims_in_instances
 from ..stage.values import When
 from .level_of_detail import LOD_ROOT
 
+# Types below which nothing is drawn: none of them is asked for levels of detail.
+_NEVER_DRAWN = frozenset({"Shader", "NodeGraph", "Material", "GeomSubset"})
 _TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot", "GeometryLight"})
 
 
@@ -47,7 +49,7 @@ def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics, render_pass: str | 
         name = type_name(prim)
         if name in _TYPES and exists(prim):
             _add(found, prim, str(name), diagnostics, render_pass)
-        if not found.has_levels and prim.HasAPI(LOD_ROOT):
+        if not found.has_levels and name not in _NEVER_DRAWN and LOD_ROOT in prim.GetAppliedSchemas():
             found.has_levels = True
     if found.in_prototypes:
         found.cameras += cameras_in_instances(stage)
