@@ -62,7 +62,8 @@ def edit_stage(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         return _edited(stage, settings, diagnostics)
     except OpinionsLeak:
         diagnostics.forget_after(count)
-        return _edited(isolated_copy(stage), settings, diagnostics)
+    # Not while that is handled: what USD prints of an error in its callbacks would show it as the cause.
+    return _edited(isolated_copy(stage), settings, diagnostics)
 
 
 def _edited(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics) -> SearchedStage:
