@@ -65,8 +65,8 @@ def dicing_rate_of(dicing_rate: float, complexity: Complexity | None) -> float:
     return DICING_RATES[complexity]
 
 
-def scale_of(percent: float | None) -> float:
-    return 1.0 if percent is None else percent / 100
+def scale_of(percent: float) -> float:
+    return percent / 100
 
 
 def view_of(view: str | None, correction: ColorCorrection | None) -> str | None:
