@@ -55,7 +55,7 @@ def without_waiting(command: list[str]) -> list[str]:
 
 def smaller(command: list[str]) -> list[str]:
     """The command at a sixteenth of its resolution, unless it says which."""
-    if command[0] not in ("render", "estimate", "doctor") or {"--res-scale", "-S"} & set(command):
+    if command[0] not in ("render", "estimate", "doctor") or {"--res-scale", "-S", "--debug-pixel"} & set(command):
         return command
     return [command[0], "--res-scale", str(100 * SMALLER), *command[1:]]
 
