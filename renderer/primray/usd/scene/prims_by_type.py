@@ -9,7 +9,7 @@ from pxr import Usd
 from ...diagnostics import Diagnostics
 from ..camera.view import cameras_in_instances
 from ..render_settings.render_pass import report_ignored_render_pass
-from ..stage.reads import type_name
+from ..stage.reads import has_schema, type_name
 from ..stage.traversal import exists, is_in_world, populated, prims_in_instances
 from ..stage.values import When
 from .level_of_detail import LOD_ROOT
@@ -49,7 +49,7 @@ def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics, render_pass: str | 
         name = type_name(prim)
         if name in _TYPES and exists(prim):
             _add(found, prim, str(name), diagnostics, render_pass)
-        if not found.has_levels and name not in _NEVER_DRAWN and LOD_ROOT in prim.GetAppliedSchemas():
+        if not found.has_levels and name not in _NEVER_DRAWN and has_schema(prim, LOD_ROOT):
             found.has_levels = True
     if found.in_prototypes:
         found.cameras += cameras_in_instances(stage)
