@@ -37,7 +37,9 @@ PROGRAM = (
 INSTEAD = f"""
 import primray_service.executor.local as local
 from primray_service.executor.local_worker import SandboxLayers
-local.LocalExecutor.__init__.__kwdefaults__["walls"] = SandboxLayers(None, ("-c", {PROGRAM!r}))
+defaults = local.LocalExecutor.__init__.__kwdefaults__
+assert "sandbox_layers" in defaults
+defaults["sandbox_layers"] = SandboxLayers(None, ("-c", {PROGRAM!r}))
 """
 
 
