@@ -78,6 +78,11 @@ class ChunkRun:
             self.killed_for = self.killed_for or why
         self.handle.kill()
 
+    def distrust(self) -> None:
+        """Kill the chunk for what it left, also if it has reported its end by now: nothing of it is adopted."""
+        self.killed_for = "not-believed"
+        self.handle.kill()
+
     def ask_preview(self) -> None:
         if self._loop.time() - self._preview_at >= PREVIEW_EVERY_S:
             self._preview_at = self._loop.time()

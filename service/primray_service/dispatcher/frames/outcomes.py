@@ -59,16 +59,17 @@ class Circumstances:
 
 
 def outcome_of(frame: Frame, last: Last | None, ended: Ended, about: Circumstances, limits: Limits) -> Outcome:
-    if isinstance(last, Done):
+    is_believed = about.killed_for != "not-believed"
+    if isinstance(last, Done) and is_believed:
         return Picture(last)
     if about.canceling:
         return GivenUp()
+    if not is_believed or (last is None and ended.protocol_error):
+        return Broken(Problem("render-failed", "The render process sent an invalid message.").as_json())
     if isinstance(last, Yielded):
         return Again(frame, "yield")
     if isinstance(last, Failed):
         return _of_failure(frame, last, about)
-    if about.killed_for == "not-believed" or ended.protocol_error:
-        return Broken(Problem("render-failed", "The render process sent an invalid message.").as_json())
     if about.killed_for == "silent":
         return _killed(frame, limits, "silent", "The render process hung repeatedly.")
     if about.killed_for:

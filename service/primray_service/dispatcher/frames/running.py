@@ -281,7 +281,7 @@ class RunningFrame:
         context, frame = self._context, self.frame
         began = time.monotonic()
         if message.number != frame.checkpoint + 1:
-            run.kill("not-believed")
+            run.distrust()
             return
         name = adoption.checkpoint_file(message.number, frame.number, run.chunk.id)
         folder = context.data.job(self.job.id)
@@ -291,7 +291,7 @@ class RunningFrame:
                 adoption.adopt_checkpoint, context.data, source, folder / name, context.limits.output_bytes
             )
         except adoption.NotAdopted:
-            run.kill("not-believed")
+            run.distrust()
             return
         except OSError:
             context.disk_is_full = True
@@ -337,7 +337,7 @@ class RunningFrame:
         try:
             taken = await context.calls.disk(adoption.adopt_preview, context.data, run.handle.folder / preview.file, folder)
         except adoption.NotAdopted:
-            run.kill("not-believed")
+            run.distrust()
             return
         except OSError:
             return  # the disk is full; pictures do not depend on previews

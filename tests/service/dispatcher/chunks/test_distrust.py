@@ -105,15 +105,19 @@ HOSTILE = [
 ]
 
 
+@pytest.mark.parametrize("finishes", [False, True], ids=["stays", "finishes"])
 @pytest.mark.parametrize("does", HOSTILE, ids=lambda does: does.__name__)
-def test_the_frame_fails_and_nothing_is_adopted(tmp_path: Path, does: Callable[[Worker], None]) -> None:
+def test_the_frame_fails_and_nothing_is_adopted(tmp_path: Path, does: Callable[[Worker], None], finishes: bool) -> None:
+    """Whether the worker stays after it or reports the end of its frame before anybody has looked at what it left."""
+
     async def script(worker: Worker) -> None:
         worker.sampling()
         if worker.command["settings"]["seed"] == 1:
             does(worker)
-            await asyncio.sleep(0.2)
             if worker.has_left:
                 return
+            if not finishes:
+                await asyncio.Event().wait()
         worker.done()
 
     async def act(rig: Rig, executor: ScriptedExecutor) -> None:

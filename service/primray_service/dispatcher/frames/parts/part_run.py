@@ -136,7 +136,7 @@ class PartRun:
         """Adopt a checkpoint: the file is on the disk before the row names it; the previous one is removed last."""
         context, part = self._context, self.part
         if message.number != part.checkpoint + 1:
-            run.kill("not-believed")
+            run.distrust()
             return
         name = adoption.part_file(part.first, message.number, part.frame, run.chunk.id)
         folder = context.data.job(part.job_id)
@@ -146,7 +146,7 @@ class PartRun:
                 adoption.adopt_checkpoint, context.data, source, folder / name, context.limits.output_bytes
             )
         except adoption.NotAdopted:
-            run.kill("not-believed")
+            run.distrust()
             return
         except OSError:
             context.disk_is_full = True
