@@ -11,4 +11,7 @@ from .native import module
 def __getattr__(name: str) -> object:
     if name.startswith("__"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(module(), name)
+    if not hasattr(module(), name):
+        raise AttributeError(f"the compiled core has no {name!r}: if it is older than these sources, `make setup` compiles it")
+    globals()[name] = found = getattr(module(), name)
+    return found

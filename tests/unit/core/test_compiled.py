@@ -26,7 +26,7 @@ def test_the_stub_is_what_the_module_says() -> None:
 
 def test_names_are_those_of_the_module_in_use() -> None:
     assert compiled.SceneBuilder is module().SceneBuilder
-    with pytest.raises(AttributeError):
+    with pytest.raises(AttributeError, match="make setup"):
         compiled.no_such_name  # type: ignore[attr-defined]  # noqa: B018
     assert not hasattr(compiled, "__path__")
 
