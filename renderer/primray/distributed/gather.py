@@ -61,6 +61,7 @@ class _Frame:
         self._goal = 0  # the sample count at which the error is measured next, or the frame ends
         self._start = time.monotonic()
         self._most_fraction = 0.0
+        self._fits = True  # the next part would be finished in time
         self._aim()
 
     def run(self, progress: Progress | None) -> Sampling:
@@ -99,7 +100,8 @@ class _Frame:
         if end > self._goal and len(self._waiting) >= MOST_AHEAD * slots:
             return None
         samples = samples_of_next_part(board.left(end), slots, self._part_costs, self._time_left_s())
-        if not samples and self._has_picture():
+        self._fits = samples > 0 or not self._has_picture()
+        if not self._fits:
             return None
         return board.next_part(self._goal, end, samples)
 
@@ -169,9 +171,9 @@ class _Frame:
         return progress is not None and progress(self._most_fraction, *self.gathering.counts) is False
 
     def _is_out_of_time(self) -> bool:
-        """Return whether the time limit is over and there is a picture."""
+        """Return whether there is a picture, and the time limit is over or no part would be finished before it."""
         left = self._time_left_s()
-        return left is not None and left <= 0 and self._has_picture()
+        return left is not None and self._has_picture() and (left <= 0 or (not self._fits and self._out.is_idle))
 
     def _has_picture(self) -> bool:
         return bool(self.gathering.ranges or self._waiting)
@@ -236,6 +238,10 @@ class Submissions:
             given = _Submitted(part, self._folder / f"{part[0]}-{part[1]}-{self._made}.prc", time.monotonic())
             self.board.take(part)
             self._given[self._executor.submit(part_settings(self._asked, part), given.file)] = given
+
+    @property
+    def is_idle(self) -> bool:
+        return not self._given
 
     def arrived(self) -> list[FinishedPart]:
         """Return parts that finished, after a short wait; PrimrayError for errors that any part would have, and too many

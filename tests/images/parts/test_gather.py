@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import Future
 from itertools import pairwise
 from pathlib import Path
@@ -108,6 +109,14 @@ def test_a_target_that_the_samples_do_not_reach() -> None:
     image = gathered(FakeExecutor(), spp=20, target_error=1e-9)
     assert image.report["pixels_sha256"] == sha256(run(spp=20))
     assert image.report["stop"] == {"reason": "samples", "target_met": False}
+
+
+def test_it_ends_early_where_no_part_would_be_finished_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(PartCosts, "with_part", lambda costs, samples, sampling_s, overhead_s: PartCosts(1e3, 0.0))
+    began = time.monotonic()
+    image = gathered(FakeExecutor(slots=1), spp=2000, time_limit_s=300.0)
+    assert image.report["stop"]["reason"] == "time-limit"
+    assert time.monotonic() - began < 100.0
 
 
 def test_parts_get_shorter(monkeypatch: pytest.MonkeyPatch) -> None:
