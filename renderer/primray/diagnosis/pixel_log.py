@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -108,11 +108,8 @@ def debug_pixel(
 
 
 def _named(settings: RenderSettings) -> RenderSettings:
-    from dataclasses import replace
-
-    return replace(
-        settings, aovs=(*(settings.aovs or ()), *(name for name in NAMING_AOVS if name not in (settings.aovs or ())))
-    )
+    """Return the settings with the AOVs that name what is hit."""
+    return replace(settings, aovs=tuple(dict.fromkeys((*(settings.aovs or ()), *NAMING_AOVS))))
 
 
 def _samples_of(settings: RenderSettings) -> tuple[int, int]:

@@ -17,13 +17,13 @@ def lines(log: PixelLog) -> list[str]:
     """Return the pixel's value and what each sample adds to it, then the events of each sample, the brightest first."""
     x, y = log.pixel
     samples = sorted(log.samples, key=_brightness, reverse=True)
-    told = [f"{log.scene}, pixel {x} {y} of {log.camera or 'the automatic camera'}: {_color(log.value)}, alpha {log.alpha:.4g}"]
-    told += [_spread(samples)]
+    text = [f"{log.scene}, pixel {x} {y} of {log.camera or 'the automatic camera'}: {_color(log.value)}, alpha {log.alpha:.4g}"]
+    text += [_spread(samples)]
     if max(log.splits) > 1:
-        told += [f"From the first surface {log.splits[0]} paths continue, and {log.splits[1]} light samples are taken there."]
+        text += [f"From the first surface {log.splits[0]} paths continue, and {log.splits[1]} light samples are taken there."]
     for sample in samples:
-        told += ["", *_sample(sample, len(samples))]
-    return told
+        text += ["", *_sample(sample, len(samples))]
+    return text
 
 
 def _brightness(sample: Mapping[str, Any]) -> float:
@@ -121,13 +121,13 @@ def _emission(event: Mapping[str, Any]) -> str:
 
 
 def _scatter(event: Mapping[str, Any]) -> str:
-    way, throughput = _color(event["direction"]), _color(event["throughput"])
+    direction, throughput = _color(event["direction"]), _color(event["throughput"])
     if "weight" not in event:
-        return f"{event['why']}, along {way}, throughput {throughput}"
+        return f"{event['why']}, along {direction}, throughput {throughput}"
     kinds = [name for name in ("straight", "enters") if event[name]]
     how = " ".join(["transmitted" if event["transmits"] else "reflected", *kinds])
     density = "a delta lobe" if event["delta"] else f"density {event['pdf']:.4g}, f cos {_color(event['f_cos'])}"
-    return f"{how} along {way}, {density}, weight {_color(event['weight'])}, throughput {throughput}"
+    return f"{how} along {direction}, {density}, weight {_color(event['weight'])}, throughput {throughput}"
 
 
 def _roulette(event: Mapping[str, Any]) -> str:
