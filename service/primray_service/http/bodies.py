@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from starlette.requests import ClientDisconnect, Request
 
-from ..api.aliases import hint_of, in_own_words
+from ..api.aliases import in_own_words
 from ..problems import Problem
 from .callers import service_of
 from .described import json_request
@@ -157,13 +157,8 @@ def _check_text(value: Any) -> None:
 
 
 def invalid(error: ValidationError, where: str = "", model: type[BaseModel] | None = None, document: Any = None) -> Problem:
-    """Return everything that the model found wrong with the document, in a few words each, with hints; apart from names,
-    nothing that was sent is repeated."""
-    details: dict[tuple[str, str], list[str]] = {}
-    for found in error.errors(include_url=False)[:20]:
-        member = ".".join([where] * bool(where) + _place(found, document))
-        details.setdefault((member, ""), []).append(f"{found['msg']}{hint_of(found, model)}")
-    return invalid_request(details)
+    """Return the problem for everything that the model found wrong with the document, whose place in the body is `where`."""
+    return invalid_request(error, lambda found: ".".join([where] * bool(where) + _place(found, document)), model)
 
 
 def _place(found: Mapping[str, Any], document: Any) -> list[str]:

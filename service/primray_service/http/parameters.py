@@ -8,7 +8,7 @@ field of a pydantic model: `limit: Annotated[int, Field(ge=1, le=200)] = 50`.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
@@ -62,19 +62,13 @@ class Parameters:
         try:
             return arguments | dict(self._model(**self._texts(request)))
         except ValidationError as error:
-            raise self._invalid(error) from None
+            # Further components of a location are indices of lists and branches of unions.
+            raise invalid_request(error, lambda one: str(one["loc"][0]), part_of=self._place) from None
 
     def _texts(self, request: Request) -> dict[str, Any]:
         query, names = request.query_params, self._model.model_fields
         found = {name: query.getlist(name) if name in self._lists else query[name] for name in names if name in query}
         return found | request.path_params
-
-    def _invalid(self, error: ValidationError) -> Problem:
-        details: dict[tuple[str, str], list[str]] = {}
-        for one in error.errors(include_url=False)[:20]:
-            name = str(one["loc"][0])  # further components: indices of lists, branches of unions
-            details.setdefault((name, self._place(name)), []).append(f"{one['msg']}{hint_of(one)}")
-        return invalid_request(details)
 
     def _place(self, name: str) -> str:
         return "path" if name in self._path_names else "query"
@@ -98,12 +92,24 @@ def _is_list(annotation: Any) -> bool:
     return any(get_origin(one) is list for one in (annotation, *get_args(annotation)))
 
 
-def invalid_request(details: Mapping[tuple[str, str], Sequence[str]]) -> Problem:
-    """Return the problem for everything that is wrong with a request. `details` is by the name of the member or parameter, and
-    the part of the request that it is in, "" for the body."""
+def invalid_request(
+    error: ValidationError,
+    member_of: Callable[[Any], str],
+    model: type[BaseModel] | None = None,
+    part_of: Callable[[str], str] = lambda member: "",
+) -> Problem:
+    """Return the problem for everything that a model found wrong with a request, in a few words each, with hints; apart from
+    names, nothing that was sent is repeated.
+
+    `member_of` names the member or parameter of one of pydantic's errors, and `part_of` the part of the request that it is in,
+    "" for the body.
+    """
+    details: dict[str, list[str]] = {}
+    for one in error.errors(include_url=False)[:20]:
+        details.setdefault(member_of(one), []).append(f"{one['msg']}{hint_of(one, model)}")
     errors = [
-        {"member": member, **({"in": part} if part else {}), "detail": one_of(texts)}
-        for (member, part), texts in details.items()
+        {"member": member, **({"in": part} if (part := part_of(member)) else {}), "detail": one_of(texts)}
+        for member, texts in details.items()
     ]
     first = errors[0]
     place = f"{first['member']} in the {first['in']}: " if "in" in first else f"{first['member']}: " if first["member"] else ""
