@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml  # type: ignore[import-untyped]
 from prometheus_client.parser import text_string_to_metric_families
-from tests.service.api import finished, submit, upload
+from tests.service.api import finished, submit, upload, wait_until
 from tests.service.serving import start
 
 from primray_service.jobs import JobState
@@ -52,6 +52,8 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Exported:
     try:
         client = server.client()
         assert finished(client, submit(client, upload(client))["id"])["state"] == "succeeded"
+        # The answer that the job has ended may be read before the dispatcher counts its frame.
+        wait_until(lambda: 'primray_frames_ended_total{reason="succeeded"} 1.0' in client.get("/metrics").text)
         families = list(text_string_to_metric_families(client.get("/metrics").text))
     finally:
         server.stop()
