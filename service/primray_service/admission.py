@@ -16,8 +16,7 @@ from typing import Any
 from primray.errors import LimitError, PrimrayError, SettingsError
 from primray.images.encoding import Encoding, compression_of
 from primray.render.frames import parse_frames
-from primray.settings import DEFAULT_SPP, RenderSettings, rows
-from primray.settings.setting import file
+from primray.settings import DEFAULT_SPP, RenderSettings, files_of_jobs, rows
 
 from . import ids
 from .api.models import ContinuedRules, JobPatch, JobRequest, SceneOfRequest, Settings, StopRules
@@ -169,7 +168,7 @@ def check_files(settings: Settings) -> None:
         Encoding(None, tuple(settings.half), *compression_of(settings.compression))
     except SettingsError as error:
         raise invalid("settings.compression", error.message) from None
-    for member in (row.name for row in rows(RenderSettings) if row.read is file and row.member is not None):
+    for member in files_of_jobs(RenderSettings):
         name = getattr(settings, member)
         if name is not None and (name.startswith("/") or ".." in name.split("/") or "\\" in name or "\0" in name):
             raise invalid(f"settings.{member}", f"{name!r} is not the name of a file in the package")

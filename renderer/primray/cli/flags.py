@@ -10,24 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from ..settings import RenderSettings, rows
-from ..settings.camera_choice import camera_choice, read_lens_flaws
-from ..settings.setting import (
-    OPENING,
-    PICTURES,
-    Flag,
-    OnOff,
-    Row,
-    choice,
-    file,
-    four_numbers,
-    number,
-    pair,
-    text,
-    texts,
-    two_numbers,
-    whole,
-    yes_or_no,
-)
+from ..settings.forms import form_of
+from ..settings.setting import OPENING, PICTURES, Flag, OnOff, Row
 from . import option_values
 from .option_values import ColorCorrection, Complexity
 
@@ -247,20 +231,6 @@ SURFACES = ("dicing_rate", "complexity", "motion_blur", "shutter", "region", "mo
 DIFFUSION = tuple(row.name for row in rows(RenderSettings) if row.name.startswith("diffusion"))
 REFUSAL = ("strict", "fail_on", "allow")
 
-_FORMS: Mapping[Any, Any] = {
-    whole: int,
-    number: float,
-    yes_or_no: bool,
-    text: str,
-    file: str,
-    camera_choice: str,
-    texts: list[str],
-    read_lens_flaws: list[str],
-    pair: tuple[int, int],
-    two_numbers: tuple[float, float],
-    four_numbers: tuple[float, float, float, float],
-}
-
 Command = TypeVar("Command", bound=Callable[..., None])
 
 
@@ -285,7 +255,7 @@ def flags_of(of: type = RenderSettings) -> dict[str, Flag]:
 def _form_of(row: Row) -> Any:
     if row.flag is not None and row.flag.form is not None:
         return row.flag.form
-    return row.read.kinds if isinstance(row.read, choice) else _FORMS[row.read]
+    return form_of(row)
 
 
 def default_of(row: Row) -> Any:

@@ -25,7 +25,7 @@ from .choices import (
     limit_pixels,
 )
 from .render_settings import BIAS, DIFFUSION, PURPOSES, STAGING, RenderSettings, settings_of_json, with_values
-from .setting import Counts, rows, settings_as_json
+from .setting import Counts, files_of_jobs, rows, settings_as_json
 
 __all__ = [
     "BIAS",
@@ -55,6 +55,7 @@ __all__ = [
     "StopAt",
     "StudioLight",
     "check_stops",
+    "files_of_jobs",
     "limit_pixels",
     "rows",
     "settings_as_json",

@@ -133,6 +133,11 @@ def rows(of: type) -> tuple[Row, ...]:
     return _ROWS[of]
 
 
+def files_of_jobs(of: type) -> tuple[str, ...]:
+    """Return the settings of the service's API that name a file of the scene's package."""
+    return tuple(row.name for row in rows(of) if row.read is file and row.member is not None)
+
+
 def settings_as_json(settings: Any) -> dict[str, Any]:
     """Return settings as reports and checkpoints store them; `settings_of_json` reads them."""
     values = [(row, getattr(settings, row.name)) for row in rows(type(settings))]
@@ -223,24 +228,17 @@ def texts(name: str, value: Any) -> tuple[str, ...]:
 
 
 def pair(name: str, value: Any) -> tuple[int, int]:
-    items = _items(name, "two whole numbers", value)
-    if len(items) != 2:
-        raise refused(name, "two whole numbers", value)
-    return whole(name, items[0]), whole(name, items[1])
+    a, b = _items(name, "two whole numbers", value, 2)
+    return whole(name, a), whole(name, b)
 
 
 def two_numbers(name: str, value: Any) -> tuple[float, float]:
-    items = _items(name, "two numbers", value)
-    if len(items) != 2:
-        raise refused(name, "two numbers", value)
-    return number(name, items[0]), number(name, items[1])
+    a, b = _items(name, "two numbers", value, 2)
+    return number(name, a), number(name, b)
 
 
 def four_numbers(name: str, value: Any) -> tuple[float, float, float, float]:
-    items = _items(name, "four numbers", value)
-    if len(items) != 4:
-        raise refused(name, "four numbers", value)
-    left, bottom, right, top = (number(name, item) for item in items)
+    left, bottom, right, top = (number(name, item) for item in _items(name, "four numbers", value, 4))
     return left, bottom, right, top
 
 
@@ -263,10 +261,11 @@ def _plain(value: Any) -> Any:
     return value.item() if getattr(value, "shape", None) == () and hasattr(value, "item") else value
 
 
-def _items(name: str, wanted: str, value: Any) -> list[Any]:
-    """Return the items of a list; a string is not taken for a list of its characters."""
-    if isinstance(value, str):
+def _items(name: str, wanted: str, value: Any, count: int | None = None) -> list[Any]:
+    """Return the items of a list, `count` of them if that is given; a string is not taken for a list of its characters."""
+    if isinstance(value, Mapping | str | bytes) or not isinstance(value, Iterable):
         raise refused(name, f"a list of {wanted}", value)
-    if isinstance(value, Mapping | bytes) or not isinstance(value, Iterable):
-        raise refused(name, f"a list of {wanted}", value)
-    return sorted(value) if isinstance(value, set | frozenset) else list(value)
+    items = sorted(value) if isinstance(value, set | frozenset) else list(value)
+    if count is not None and len(items) != count:
+        raise refused(name, wanted, value)
+    return items

@@ -11,23 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from primray.settings import RenderSettings, rows
-from primray.settings.camera_choice import camera_choice, read_lens_flaws
-from primray.settings.setting import (
-    Member,
-    Reader,
-    Row,
-    as_json,
-    choice,
-    file,
-    four_numbers,
-    number,
-    pair,
-    text,
-    texts,
-    two_numbers,
-    whole,
-    yes_or_no,
-)
+from primray.settings.forms import form_of
+from primray.settings.setting import Member, Row, as_json, choice
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[^\x00-\x1f\x7f]+$")]
@@ -78,19 +63,6 @@ class FileSettings(Sent):
     )
 
 
-# The types of members, by the readers of their settings.
-_FORMS: Mapping[Reader, Any] = {
-    whole: int,
-    number: float,
-    yes_or_no: bool,
-    **dict.fromkeys((text, file, camera_choice), str),
-    **dict.fromkeys((texts, read_lens_flaws), list[str]),
-    pair: tuple[int, int],
-    two_numbers: tuple[float, float],
-    four_numbers: tuple[float, float, float, float],
-}
-
-
 def members_of(place: str, of: type = RenderSettings) -> dict[str, tuple[Any, Any]]:
     """Return the members that settings have at a place, "" or "stop", each with its type and its field, by name."""
     members = [(row, row.member, (row.member.name or row.name).rpartition(".")) for row in rows(of) if row.member is not None]
@@ -100,9 +72,9 @@ def members_of(place: str, of: type = RenderSettings) -> dict[str, tuple[Any, An
 def _member(row: Row, member: Member) -> tuple[Any, Any]:
     at_least, at_most = member.items
     bounds: dict[str, Any] = {"max_length": at_most or member.chars, "min_length": at_least or None, **member.bounds}
-    form: Any = _FORMS.get(row.read)
+    form: Any = form_of(row)
     if isinstance(row.read, choice):
-        form = Literal[tuple(kind.value for kind in row.read.kinds)]
+        form = Literal[tuple(kind.value for kind in form)]
     elif form == list[str]:
         form = list[Literal[member.choices] if member.choices else Annotated[str, Field(max_length=member.chars)]]  # type: ignore[misc]
     is_null = row.default is None or member.is_open

@@ -19,7 +19,7 @@ from primray.images.background import behind_previews
 from primray.render import Prepared, picture_of
 from primray.report.report import Costs
 from primray.sampling.sampling import Sampling
-from primray.settings import RenderSettings, settings_as_json, settings_of_json
+from primray.settings import RenderSettings, files_of_jobs, settings_as_json, settings_of_json
 
 from ..problems import Problem
 from ..sandbox import end_phase
@@ -167,7 +167,7 @@ def settings_of(command: Mapping[str, Any], job: Path) -> RenderSettings:
     limits = command.get("limits") or {}
     if values.get("max_memory_bytes") is None and limits.get("memory_bytes") is not None:
         values["max_memory_bytes"] = int(limits["memory_bytes"])
-    for name in ("dome", "background"):
+    for name in files_of_jobs(RenderSettings):
         values[name] = place_of_image(command, job, values.get(name))
     try:
         return settings_of_json(values)
