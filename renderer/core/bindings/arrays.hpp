@@ -66,5 +66,6 @@ void bind_caustics(nb::module_& m, nb::module_& testing);
 void bind_math(nb::module_& m);       // submodule testing
 void bind_hierarchy(nb::module_& m);  // submodule testing
 void bind_replay(nb::module_& m);     // submodule testing
+void bind_grids(nb::module_& m);      // submodule testing
 
 }  // namespace primray

@@ -369,6 +369,7 @@ void bind_testing(nb::module_& m) {
   bind_math(m);
   bind_hierarchy(m);
   bind_replay(m);
+  bind_grids(m);
 }
 
 }  // namespace primray

@@ -1,0 +1,232 @@
+#include "volume/grid_table.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <unordered_map>
+#include <unordered_set>
+
+#include "base/error.hpp"
+
+namespace primray {
+namespace {
+
+constexpr size_t kMostNodes = size_t(1) << 27;
+
+using Place = std::array<int32_t, 3>;  // of a leaf or a node, in units of it
+
+struct PlaceHash {
+  size_t operator()(const Place& p) const {
+    uint64_t h = 0;
+    for (const int32_t x : p) h = (h ^ uint32_t(x)) * 0x9e3779b97f4a7c15ull, h ^= h >> 29;
+    return size_t(h);
+  }
+};
+
+Place node_at(const Place& leaf) { return {leaf[0] >> 4, leaf[1] >> 4, leaf[2] >> 4}; }
+// The neighbour above along the axes of m's bits: x 4, y 2, z 1.
+Place above(const Place& p, int m) { return {p[0] + (m >> 2 & 1), p[1] + (m >> 1 & 1), p[2] + (m & 1)}; }
+Place below(const Place& p, int m) { return {p[0] - (m >> 2 & 1), p[1] - (m >> 1 & 1), p[2] - (m & 1)}; }
+
+struct Range {
+  float low = std::numeric_limits<float>::infinity(), high = -std::numeric_limits<float>::infinity();
+  void add(float v) { low = std::min(low, v), high = std::max(high, v); }
+  void add(const Range& r) { low = std::min(low, r.low), high = std::max(high, r.high); }
+};
+
+// Ranges of those of a block's values that cells reach: entry m is of the voxels that are the first along the axes of m's bits,
+// which the cell below along those axes reaches; entry 0 is of all.
+using FaceRanges = std::array<Range, 8>;
+
+float as_float(uint16_t half) {
+  const int exponent = half >> 10 & 31, fraction = half & 1023;
+  const float size = exponent == 0 ? std::ldexp(float(fraction), -24) : std::ldexp(float(fraction + 1024), exponent - 25);
+  return half >> 15 ? -size : size;
+}
+
+float as_float(float value) { return value; }
+
+template <class Value>
+FaceRanges face_ranges(int channels, const Value& value) {
+  std::array<Range, 8> of;  // by which coordinates are 0
+  for (int v = 0; v < kLeafVoxels; ++v) {
+    Range& r = of[size_t((v / 64 == 0 ? 4 : 0) | (v / 8 % 8 == 0 ? 2 : 0) | (v % 8 == 0 ? 1 : 0))];
+    for (int c = 0; c < channels; ++c) r.add(value(size_t(v * channels + c)));
+  }
+  FaceRanges reached;
+  for (int m = 0; m < 8; ++m)
+    for (int k = 0; k < 8; ++k)
+      if ((k & m) == m) reached[size_t(m)].add(of[size_t(k)]);
+  return reached;
+}
+
+// The blocks of one grid by place, while its nodes are made.
+class Blocks {
+ public:
+  Blocks() {
+    ranges_[0] = FaceRanges();
+    for (Range& r : ranges_[0]) r.add(0.0f);
+  }
+  void put_leaf(const Place& leaf, int32_t block) { leaves_[leaf] = block; }
+  void put_node(const Place& node, int32_t block) { nodes_[node] = block; }
+  void put_ranges(int32_t block, const FaceRanges& ranges) { ranges_[block] = ranges; }
+
+  int32_t block_at(const Place& leaf) const {
+    if (const auto found = leaves_.find(leaf); found != leaves_.end()) return found->second;
+    if (const auto found = nodes_.find(node_at(leaf)); found != nodes_.end()) return found->second;
+    return 0;
+  }
+  Range range_of_cell(const Place& leaf) const {
+    Range r;
+    for (int m = 0; m < 8; ++m) r.add(ranges_.at(block_at(above(leaf, m)))[size_t(m)]);
+    return r;
+  }
+  // Places of all nodes in which some value may not be 0.
+  std::vector<Place> nodes() const {
+    std::unordered_set<Place, PlaceHash> found;
+    for (int m = 0; m < 8; ++m) {
+      for (const auto& [leaf, block] : leaves_) found.insert(node_at(below(leaf, m)));
+      for (const auto& [node, block] : nodes_) found.insert(below(node, m));
+    }
+    std::vector<Place> sorted(found.begin(), found.end());
+    std::sort(sorted.begin(), sorted.end());
+    return sorted;
+  }
+  // The block of all cells of a node whose values are all the same, as are those that its cells reach; -1: there is none.
+  int32_t uniform_block(const Place& node) const {
+    const auto own = nodes_.find(node);
+    if (own == nodes_.end() || has_leaves_.contains(node)) return -1;
+    for (int m = 1; m < 8; ++m) {
+      const Place next = above(node, m);
+      const auto found = nodes_.find(next);
+      if (found == nodes_.end() || found->second != own->second || has_leaves_.contains(next)) return -1;
+    }
+    return own->second;
+  }
+  void close() {
+    for (const auto& [leaf, block] : leaves_) has_leaves_.insert(node_at(leaf));
+  }
+  // Box of the voxels whose values may not be 0: the lowest, and the first beyond.
+  void box(Place& low, Place& high) const {
+    low = {INT32_MAX, INT32_MAX, INT32_MAX}, high = {INT32_MIN, INT32_MIN, INT32_MIN};
+    const auto add = [&](const Place& place, int32_t side) {
+      for (size_t a = 0; a < 3; ++a)
+        low[a] = std::min(low[a], place[a] * side), high[a] = std::max(high[a], (place[a] + 1) * side);
+    };
+    for (const auto& [leaf, block] : leaves_) add(leaf, kLeafSide);
+    for (const auto& [node, block] : nodes_) add(node, kNodeSide);
+  }
+
+ private:
+  std::unordered_map<Place, int32_t, PlaceHash> leaves_, nodes_;
+  std::unordered_map<int32_t, FaceRanges> ranges_;
+  std::unordered_set<Place, PlaceHash> has_leaves_;
+};
+
+// Appends the values of all blocks of a grid to `to`, and notes where they are.
+template <class Value>
+void add_blocks(const GridInput& grid, const GridValues<Value>& values, std::vector<Value>& to, Blocks& blocks) {
+  const size_t width = size_t(grid.channels), size = kLeafVoxels * width;
+  const size_t leaves = grid.leaf_origins.size() / 3, tiles = grid.tiles.size() / 4;
+  if (values.of_leaves.size() != leaves * size || values.of_tiles.size() != tiles * width)
+    throw Error("internal", "a grid's values do not fit its leaves and tiles");
+  if (to.size() + (leaves + tiles) * size > size_t(INT32_MAX))
+    throw Error("volume-too-large", "the grids of the scene have more than 2^31 values");
+  to.reserve(to.size() + (leaves + tiles) * size);
+  const auto close_block = [&] {
+    const Value* own = &to[to.size() - size];
+    const int32_t block = int32_t((to.size() - size) / kLeafVoxels);
+    blocks.put_ranges(block, face_ranges(grid.channels, [own](size_t k) { return as_float(own[k]); }));
+    return block;
+  };
+  for (size_t i = 0; i < leaves; ++i) {
+    const int32_t* at = &grid.leaf_origins[3 * i];
+    to.insert(to.end(), values.of_leaves.begin() + ptrdiff_t(i * size), values.of_leaves.begin() + ptrdiff_t((i + 1) * size));
+    blocks.put_leaf({at[0] >> 3, at[1] >> 3, at[2] >> 3}, close_block());
+  }
+  for (size_t i = 0; i < tiles; ++i) {
+    const int32_t* tile = &grid.tiles[4 * i];
+    for (size_t k = 0; k < size; ++k) to.push_back(values.of_tiles[i * width + k % width]);
+    const int32_t block = close_block(), side = tile[3] / kNodeSide;
+    if (tile[3] == kLeafSide) blocks.put_leaf({tile[0] >> 3, tile[1] >> 3, tile[2] >> 3}, block);
+    for (int32_t x = 0; x < side; ++x)
+      for (int32_t y = 0; y < side; ++y)
+        for (int32_t z = 0; z < side; ++z) blocks.put_node({(tile[0] >> 7) + x, (tile[1] >> 7) + y, (tile[2] >> 7) + z}, block);
+  }
+  blocks.close();
+}
+
+}  // namespace
+
+GridTable::GridTable()
+    : node_of{0},
+      node_ranges(2, 0.0f),
+      leaf_of(kNodeEntries, 0),
+      leaf_ranges(2 * size_t(kNodeEntries), 0.0f),
+      halves(3 * size_t(kLeafVoxels), 0),
+      floats(3 * size_t(kLeafVoxels), 0.0f) {}
+
+int GridTable::add(const GridInput& grid) {
+  Blocks blocks;
+  if (grid.is_half)
+    add_blocks(grid, grid.halves, halves, blocks);
+  else
+    add_blocks(grid, grid.floats, floats, blocks);
+  Row row{};
+  row.channels = grid.channels, row.is_half = grid.is_half, row.node_base = int32_t(node_of.size());
+  const std::vector<Place> nodes = blocks.nodes();
+  if (nodes.empty()) {
+    rows.push_back(row);
+    return int(rows.size()) - 1;
+  }
+
+  // Lay out the box of nodes.
+  Place low = nodes.front(), high = nodes.front();
+  for (const Place& node : nodes)
+    for (size_t a = 0; a < 3; ++a) low[a] = std::min(low[a], node[a]), high[a] = std::max(high[a], node[a]);
+  size_t count = 1;
+  for (size_t a = 0; a < 3; ++a) {
+    row.first_node[a] = low[a], row.nodes_along[a] = high[a] - low[a] + 1;
+    count *= size_t(row.nodes_along[a]);
+    if (count > kMostNodes) throw Error("volume-too-large", "a grid spans more than 2^27 nodes of 128^3 voxels");
+  }
+  if (leaf_of.size() + nodes.size() * kNodeEntries > size_t(INT32_MAX) / 2 || node_of.size() + count > size_t(INT32_MAX))
+    throw Error("volume-too-large", "the grids of the scene have more than 2^18 nodes of 128^3 voxels");
+  node_of.resize(node_of.size() + count, 0);
+
+  // Fill the nodes; those inside a large tile are all alike.
+  Range of_grid;
+  std::unordered_map<int32_t, int32_t> uniform;
+  for (const Place& node : nodes) {
+    const size_t at =
+        (size_t(node[0] - low[0]) * size_t(row.nodes_along[1]) + size_t(node[1] - low[1])) * size_t(row.nodes_along[2]) +
+        size_t(node[2] - low[2]);
+    int32_t& number = node_of[size_t(row.node_base) + at];
+    const int32_t same = blocks.uniform_block(node);
+    if (const auto found = uniform.find(same); same >= 0 && found != uniform.end()) {
+      number = found->second;
+      continue;
+    }
+    number = int32_t(leaf_of.size() / kNodeEntries);
+    if (same >= 0) uniform[same] = number;
+    Range of_node;
+    for (int32_t k = 0; k < kNodeEntries; ++k) {
+      const Place leaf{node[0] * kNodeLeaves + k / 256, node[1] * kNodeLeaves + k / 16 % 16, node[2] * kNodeLeaves + k % 16};
+      const Range r = blocks.range_of_cell(leaf);
+      leaf_of.push_back(blocks.block_at(leaf));
+      leaf_ranges.push_back(r.low), leaf_ranges.push_back(r.high);
+      of_node.add(r);
+    }
+    node_ranges.push_back(of_node.low), node_ranges.push_back(of_node.high);
+    of_grid.add(of_node);
+  }
+  row.least = of_grid.low, row.most = of_grid.high;
+  Place first, beyond;
+  blocks.box(first, beyond);
+  for (size_t a = 0; a < 3; ++a) row.low[a] = float(first[a]) - 1.0f, row.high[a] = float(beyond[a]);
+  rows.push_back(row);
+  return int(rows.size()) - 1;
+}
+
+}  // namespace primray

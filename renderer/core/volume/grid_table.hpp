@@ -1,0 +1,57 @@
+// Sparse voxel grids: values in blocks of 8^3 voxels (leaves), which nodes of 16^3 leaves refer to, as in OpenVDB (Museth 2013,
+// "VDB: High-Resolution Sparse Volumes with Dynamic Topology"), and the range of values in each leaf and node.
+//
+// Voxel centres are at integer coordinates. Values between them are interpolated trilinearly, and are 0 outside. A cell is what
+// the ranges are of: positions [8 k, 8 k + 8] of a leaf k, or [128 n, 128 n + 128] of a node n. Interpolation there reaches one
+// voxel beyond the leaf's own, which the ranges include: they bound the interpolated values exactly.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace primray {
+
+constexpr int kLeafSide = 8, kLeafVoxels = 512, kNodeLeaves = 16, kNodeSide = 128, kNodeEntries = 4096;
+
+// Values of a grid: of leaves (leaves, 512, channels), by voxel, z fastest, then by channel; and of tiles (tiles, channels).
+template <class Value>
+struct GridValues {
+  std::span<const Value> of_leaves, of_tiles;
+};
+
+// A grid as files have it. Its values are either halves or floats.
+struct GridInput {
+  int channels = 1;                       // 1 or 3
+  std::span<const int32_t> leaf_origins;  // (leaves, 3): lowest voxels, multiples of 8
+  std::span<const int32_t> tiles;         // (tiles, 4): lowest voxel, and side: a cube of 8, 128 or 4096 voxels with one value
+  bool is_half = false;
+  GridValues<uint16_t> halves;
+  GridValues<float> floats;
+};
+
+// All grids of a scene, in shared arrays, so that the lanes of a packet may read different grids.
+struct GridTable {
+  // By grid.
+  struct Row {
+    int32_t first_node[3], nodes_along[3];  // its box of nodes: the lowest, in units of nodes, and how many along each axis
+    int32_t node_base;                      // of its box in `node_of`
+    int32_t channels, is_half;
+    float low[3], high[3];  // box of the positions whose values may not be 0
+    float least, most;      // range of its interpolated values
+  };
+  std::vector<Row> rows;
+  std::vector<int32_t> node_of;    // by node of a grid's box, z fastest: its number; 0 where all values are 0
+  std::vector<float> node_ranges;  // by node: least and greatest value of its cell
+  std::vector<int32_t> leaf_of;    // 4096 by node, z fastest: block of the leaf, in units of 512 values; block 0 has zeros
+  std::vector<float> leaf_ranges;  // by entry of `leaf_of`: least and greatest value of its cell
+  std::vector<uint16_t> halves;    // values of the blocks of grids of halves, and of the others
+  std::vector<float> floats;
+
+  GridTable();
+  // Adds a grid and returns its number; throws Error with the code "volume-too-large" if the scene's grids have more than 2^31
+  // values.
+  int add(const GridInput& grid);
+};
+
+}  // namespace primray
