@@ -15,8 +15,8 @@ import pytest
 
 from primray import core, errors
 from primray.core import compiled
-from primray.core.building import inverse_cdf
 from primray.core.inputs import filled
+from primray.core.scene import inverse_cdf
 from primray.core.scene_upload import upload
 from primray.core.surface_upload import Textures
 from primray.description import (

@@ -117,8 +117,7 @@ def command_line() -> str:
     """Every command with its flags, from its definition."""
     from typer.main import get_command
 
-    from primray.cli.app import app
-    from primray.cli.command_group import LazyCommand, loaded
+    from primray.cli.app import LazyCommand, app, loaded
 
     group = get_command(app)
     context = group.make_context("primray", ["doctor"], resilient_parsing=True)

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 from . import errors
 from .compare import compare
 from .errors import PrimrayError
-from .incremental.frames import render_frames
 from .lens.diffusion import Diffusion
 from .render import render
 from .settings import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, RenderSettings, StopAt, StudioLight
@@ -31,16 +30,15 @@ if TYPE_CHECKING:
     from .diagnosis.inspection import inspect
     from .diagnosis.machine import MachineCheck
     from .diagnosis.pixel_log import PixelLog, debug_pixel
+    from .diagnostic_messages import RenderWarning
     from .distributed.local_processes import LocalProcesses
     from .images.aov import Aov
     from .images.image import Image
     from .images.reading import read_image
-    from .images.stereo import StereoImage
-    from .incremental.scene import Scene
+    from .incremental.scene import Scene, render_frames
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
-    from .messages.announcement import RenderWarning
     from .render.products import Product, render_products
-    from .render.stereo import render_stereo
+    from .render.stereo import StereoImage, render_stereo
 
 __all__ = [
     "Aov",
@@ -106,16 +104,17 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "PixelLog": "diagnosis.pixel_log",
         "Product": "render.products",
         "Projection": "camera",
-        "RenderWarning": "messages.announcement",
+        "RenderWarning": "diagnostic_messages",
         "Scene": "incremental.scene",
         "SequenceComparison": "compare.sequences",
-        "StereoImage": "images.stereo",
+        "StereoImage": "render.stereo",
         "Verdict": "compare.comparison",
         "debug_pixel": "diagnosis.pixel_log",
         "doctor": "diagnosis.doctor",
         "estimate": "diagnosis.estimate",
         "inspect": "diagnosis.inspection",
         "read_image": "images.reading",
+        "render_frames": "incremental.scene",
         "render_products": "render.products",
         "render_stereo": "render.stereo",
     }

@@ -6,9 +6,9 @@ import inspect
 import re
 from pathlib import Path
 
+from primray.cli.app import with_options
 from primray.cli.commands.render import render
 from primray.cli.quick import TABLE
-from primray.cli.typer_options import with_options
 from primray.usd.render_settings.stage_settings import NAMES, VARIABLES
 from primray.usd.scene.schemas import ERROR_THRESHOLDS, SETTINGS_OF_OTHERS
 

@@ -14,7 +14,7 @@ import pytest
 from pxr import Usd
 
 import primray
-from primray.cli import run, turntable
+from primray.cli import run, shots
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.images.exposure import View, exposure_that_serves, view_fault
@@ -23,7 +23,7 @@ from primray.studio import with_requested_additions
 from primray.studio.additions import GROUND
 from primray.usd import translate
 
-FFMPEG = turntable._program()  # before a test hides it from PATH
+FFMPEG = shots._program()  # before a test hides it from PATH
 CAMERA = {
     "Y": "double3 xformOp:translate = (0, 1, 8)\n    uniform token[] xformOpOrder = ['xformOp:translate']",
     "Z": "double3 xformOp:translate = (0, -8, 1)\n    float xformOp:rotateX = 90\n"
@@ -259,7 +259,7 @@ def test_a_turntable_says_once_that_the_camera_is_turned(tmp_path: Path, capsys:
 def test_a_movie_is_refused_before_the_first_picture_where_nothing_makes_it(
     shot: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(turntable, "find_spec", lambda name: None)
+    monkeypatch.setattr(shots, "find_spec", lambda name: None)
     assert run([*SMALL, "--turntable", "3", "-o", "turn.png", "--fps", "12"]) == 2
     said = capsys.readouterr().err
     for sentence in ("movie-program", "pip install imageio-ffmpeg", "remove --fps"):
@@ -271,7 +271,7 @@ def test_ffmpeg_makes_the_movie(shot: Path, monkeypatch: pytest.MonkeyPatch) -> 
     """The program itself reads what it is given: a fake one would not notice a protocol that it refuses."""
     if FFMPEG is None:
         pytest.skip("no ffmpeg")
-    monkeypatch.setattr(turntable, "_program", lambda: FFMPEG)
+    monkeypatch.setattr(shots, "_program", lambda: FFMPEG)
     assert run([*SMALL, "--turntable", "2", "-o", "turn.png", "--fps", "12"]) == 0
     made = (shot / "turn.mp4").read_bytes()
     assert made[4:8] == b"ftyp"

@@ -11,7 +11,7 @@ from pxr import Usd
 import primray
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
-from primray.studio.studio_light import BLOCK, DARK_RADIANCE, lit_share
+from primray.studio.additions import BLOCK, DARK_RADIANCE, lit_share
 from primray.usd import translate
 
 CAMERA = """

@@ -8,7 +8,7 @@ from tests.described import describe, kernels
 from tests.statistics.chi_square import SphereCells, SquareCells, density_p_value
 from tests.statistics.surfaces.surface_cases import direction, random_numbers
 
-from primray.core.building import profile
+from primray.core.scene import profile
 from primray.settings import DEFAULT_FILTER_WIDTH, Filter
 
 N = 100_000

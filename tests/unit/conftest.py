@@ -155,7 +155,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
             monkeypatch.setattr(primray, name, module, raising=False)
 
     # What frames keep is of real stages: tests/unit/keeping.
-    monkeypatch.setattr("primray.incremental.frames._open_kept", OpenedFrames)
+    monkeypatch.setattr("primray.incremental.scene._open_kept", OpenedFrames)
     install(
         "usd",
         open_stage=fake.open_stage,

@@ -105,7 +105,7 @@ def picture_of_parts(gathering: MergedParts, sampling: Sampling, costs: Costs, s
             image = _denoised(image, kept.guides, sampling, costs)
     header, arrays = contents(sampling, about)
     if about.camera.diffusion.strength > 0:
-        from ..glare.diffuse import with_diffusion
+        from ..images.glare import with_diffusion
 
         with kept_without("the diffused picture", after):
             image = with_diffusion(image)

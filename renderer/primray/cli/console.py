@@ -53,7 +53,7 @@ _MOST_LINES = 40  # lines of refused diagnostics
 def print_error(error: Exception, as_json: bool) -> int:
     """Print an error, preceded by the diagnostics that it refuses if there are several; return its exit code."""
     if isinstance(error, UnsupportedError) and len(error.refused) > 1:
-        from ..messages.diagnostics_text import diagnostics_lines
+        from ..diagnostic_messages import diagnostics_lines
 
         lines = diagnostics_lines(error.refused, verbose=True)
         more = [f"and {len(lines) - _MOST_LINES:,} more lines"] if len(lines) > _MOST_LINES else []

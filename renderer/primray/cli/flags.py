@@ -1,6 +1,6 @@
 """Flags of commands as plain data: those of settings, from the rows of RenderSettings, and those that are no settings.
 
-The options of Typer (typer_options.py) and the table of the quick parser (quick.py) are made of them. A command takes the flags
+The options of Typer (app.py) and the table of the quick parser (quick.py) are made of them. A command takes the flags
 that it reads itself as parameters, and those of settings as keywords, of which `setting_values` makes values of settings.
 """
 

@@ -14,9 +14,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from ..diagnostic_messages import SequenceNotices, print_diagnostics
 from ..errors import SettingsError, UnsupportedError
 from ..images.encoding import Encoding, check_bit_depth, check_half
-from ..messages.diagnostics_text import SequenceNotices, print_diagnostics
 from .output_targets import TevOutputs, check_standard, is_standard, is_tev, suffix_of, write_standard
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats
-from ..messages.diagnostics_text import diagnostics_lines
+from ..diagnostic_messages import diagnostics_lines
 from .sheet_renders import Outcome
 
 _SHEET, _BEHIND, _FAILED = 0.10, 0.25, (0.32, 0.08, 0.08)  # colours of the sheet, behind pictures, and of failed pictures

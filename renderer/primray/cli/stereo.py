@@ -18,8 +18,8 @@ from .pictures import Looks, finished_report, has_samples, is_finished, is_writt
 
 if TYPE_CHECKING:
     from ..images.image import Image
-    from ..images.stereo import StereoImage
     from ..render import OpenedStage
+    from ..render.stereo import StereoImage
     from .shots import Shot
 
 
@@ -39,9 +39,8 @@ def require_files(outputs: list[str]) -> None:
 
 def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoImage | None:
     """Render both eyes; return None if interrupted before both have samples."""
-    from ..images.stereo import StereoImage
-    from ..incremental.frames import quiet_frames
-    from ..render.stereo import StereoSettings
+    from ..incremental.scene import quiet_frames
+    from ..render.stereo import StereoImage, StereoSettings
     from .console import Show, showing
 
     showing_now: list[Show] = []
@@ -65,7 +64,7 @@ def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoIma
 
 def _keep_left(image: Image, shot: Shot, looks: Looks) -> None:
     """Write the left eye's picture under its own name, after the right one's has failed."""
-    from ..images.stereo import name_of_eye
+    from ..render.stereo import name_of_eye
 
     own = [name_of_eye(file, Eye.LEFT) for file in shot.files if not is_tev(file)]
     written, _ = save_all(own, partial(save, image), looks, image)
@@ -77,7 +76,7 @@ def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
 
     Such a file is reported, and the others are written.
     """
-    from ..images.stereo import is_joint, name_of_eye
+    from ..render.stereo import is_joint, name_of_eye
 
     start = time.perf_counter()
     joint = [file for file in shot.files if is_joint(file) and not is_tev(file)]
@@ -98,7 +97,7 @@ def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
 
 def _write_joint(pair: StereoImage, file: str, shot: Shot, looks: Looks) -> None:
     from ..images.image import check_output_path
-    from ..images.stereo import StereoImage
+    from ..render.stereo import StereoImage
 
     held = StereoImage(shot.image_in(file, pair.left), shot.image_in(file, pair.right))
     held.write(check_output_path(file), looks.encoding)

@@ -1,11 +1,10 @@
 """The C++ core as seen from Python: the compiled module in use, scenes built in it, films, and passes that render into them.
 
-`native` chooses the compiled module, `compiled` has its names and types, `building` uploads a description to it, `film` and
+`native` chooses the compiled module, `compiled` has its names and types, `scene` uploads a description to it, `film` and
 `passes` take samples and render the data of first hits for AOVs.
 """
 
 from . import compiled
-from .building import build, dice
 from .film import REMOVALS, TILE, Film, samples_of_replicates, uniform_ends
 from .native import (
     DEFAULT_LANES,
@@ -22,7 +21,7 @@ from .native import (
     versions,
 )
 from .passes import FilmSamples, Pass, Progress, Recording, choose_splits, coverage, first_hits, log_pixel, render, render_pass
-from .scene import CoreScene, Splits
+from .scene import CoreScene, Splits, build, dice
 
 __all__ = [
     "DEFAULT_LANES",

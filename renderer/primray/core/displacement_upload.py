@@ -16,8 +16,7 @@ from ..description import (
     Surface,
     TextureInput,
 )
-from ..description.pattern_reads import reads_world_space
-from ..description.shading import DISPLACEMENTS
+from ..description.shading import DISPLACEMENTS, reads_world_space
 from ..tessellation.dice import Warnings, primvar_places, primvars_of
 from . import compiled
 from .surface_upload import SurfaceUpload, Textures, channels_of

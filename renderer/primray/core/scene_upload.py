@@ -31,18 +31,19 @@ from ..lens.distortion import Distortion
 from . import compiled
 from .inputs import filled
 from .light_upload import LightGroups, LightUpload
-from .precision.far_geometry import (
+from .motion_times import with_common_times
+from .scene_record import SceneRecord, ShapeRows
+from .shape_upload import NO_FLOATS, ShapeUpload, matrix
+from .single_precision import (
     FARTHEST,
     OUTLYING,
     FarInstances,
     boxes_without_outliers,
     rebasing_origin,
+    separate_skewed,
+    separate_stretched_curves,
     union_without_outliers,
 )
-from .precision.motion_times import with_common_times
-from .precision.separate_prototypes import separate_skewed, separate_stretched_curves
-from .scene_record import SceneRecord, ShapeRows
-from .shape_upload import NO_FLOATS, ShapeUpload, matrix
 from .surface_upload import MutableTextures, SurfaceUpload
 from .surface_upload import width as width_of
 

@@ -18,8 +18,8 @@ from ..description.motion import handed_over
 from ..description.placement import transformed_boxes
 from . import compiled
 from .light_upload import LightUpload
-from .precision.far_geometry import FARTHEST, OUTLYING, Flags, representable_triangles
 from .scene_record import SceneRecord, ShapeRows
+from .single_precision import FARTHEST, OUTLYING, Flags, representable_triangles
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
 
 NO_FLOATS = np.zeros((0, 3), np.float32)

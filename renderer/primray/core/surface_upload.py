@@ -16,8 +16,7 @@ from ..description import Input, PatternInput, Primvar, Surface, TextureFile, Te
 from ..textures.texture import Texture
 from . import compiled
 from .inputs import filled, surface_input
-from .patterns.compiler import UnknownNodeError
-from .patterns.tape_upload import SharedInputs, TooLargeError, tape_of
+from .patterns.tape_upload import SharedInputs, TooLargeError, UnknownNodeError, tape_of
 
 Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, or 0 for a file that is no set of tiles
 MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]

@@ -1,24 +1,131 @@
 """The denoised picture of a film and its report: its error, and how much light it has lost.
 
-It is the mean of the two film halves, each denoised separately. Denoising the whole picture at once would be about as good, but
-its error could not be estimated.
+The picture is the mean of the two film halves, each denoised separately. Denoising the whole picture at once would be about as
+good, but its error could not be estimated.
+
+Let p and q be the denoised halves, a and b the noisy ones, R the reference that both converge to, and M = (p + q) / 2. The
+pairs (p, b), (q, a) and (a, b) are independent, so the expectation of M^2 - p b - q a + a b is (M - R)^2, whatever the denoiser
+does. Comparing the denoised halves with each other would miss the detail that both have lost.
+
+relMSE is weighted by R^2, which is unknown. It is estimated from M, shrunk towards the noisy picture where the error in the
+neighbourhood is large compared to the noise (James and Stein 1961), since smearing is worst next to bright pixels.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from .. import core
 from ..arrays import Doubles, Floats
 from ..images.image import Image
-from ..settings import RenderSettings
-from .denoised_error import DenoisedError, cross_half_error, halves_of
+from ..sampling.error import Z95, Estimate
+from ..settings import Metric, RenderSettings
 from .denoiser import Denoiser, Guides, denoiser_name
+
+DARKEST = 0.01  # relMSE divides by R^2 + 0.01
+TILE = 4  # pixels across; a denoiser correlates the errors of neighbouring pixels
+TINY = 1e-12
+
+
+@dataclass(frozen=True)
+class DenoisedError:
+    """Error of the whole frame. Values are clamped at 0, though the estimators may be negative."""
+
+    relmse: Estimate
+    rmse: Estimate
+
+    def of(self, metric: Metric) -> Estimate:
+        return self.rmse if metric is Metric.RMSE else self.relmse
+
+    def as_json(self) -> dict[str, Any]:
+        return {Metric.RELMSE.value: self.relmse.as_json(), Metric.RMSE.value: self.rmse.as_json()}
+
+
+def cross_half_error(halves: Halves, denoised: tuple[Doubles, Doubles]) -> DenoisedError:
+    """Return the error of the picture that is the mean of the denoised halves (H, W, 3)."""
+    p, q = denoised
+    mean = (p + q) / 2
+    squares = mean**2 - p * halves.b - q * halves.a + halves.a * halves.b
+    weights = 1 / (_level(mean, squares, halves) ** 2 + DARKEST)
+    return DenoisedError(_estimate(squares * weights), _estimate(squares).root())
+
+
+def _level(mean: Doubles, squares: Doubles, halves: Halves) -> Doubles:
+    """Estimate R, the reference value of each pixel."""
+    error = np.maximum(_around(squares), 0.0)
+    noise = _around(((halves.a - halves.b) / 2) ** 2)
+    made: Doubles = mean + error / (error + noise + TINY) * (halves.mean - mean)
+    return made
+
+
+def _around(values: Doubles) -> Doubles:
+    """Return means over 3 x 3 pixels."""
+    padded = np.pad(values, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    rows = sliding_window_view(padded, 3, axis=0).mean(axis=-1)
+    made: Doubles = sliding_window_view(rows, 3, axis=1).mean(axis=-1)
+    return made
+
+
+def _estimate(squares: Doubles) -> Estimate:
+    """Return the mean with its interval. Tiles are assumed independent, each as uncertain as it is large."""
+    by_pixel = squares.sum(axis=2)
+    height, width = by_pixel.shape
+    whole = np.pad(by_pixel, ((0, -height % TILE), (0, -width % TILE)))
+    tiles = whole.reshape(whole.shape[0] // TILE, TILE, whole.shape[1] // TILE, TILE).sum(axis=(1, 3))
+    largest = float(np.abs(tiles).max(initial=0.0)) or 1.0
+    shares = (tiles / largest) ** 2
+    freedom = float(shares.sum()) ** 2 / max(float((shares**2).sum()), TINY)
+    step = student95(freedom) * largest * math.sqrt(float(shares.sum())) / squares.size
+    value = float(squares.mean())
+    return Estimate(max(value, 0.0), max(value - step, 0.0), max(value + step, 0.0))
+
+
+def student95(freedom: float) -> float:
+    """Return the two-sided 95 % quantile of Student's t distribution, with at least 2 degrees of freedom.
+
+    Abramowitz and Stegun 26.7.5.
+    """
+    z, n = Z95, max(freedom, 2.0)
+    terms = (
+        (z**3 + z) / 4,
+        (5 * z**5 + 16 * z**3 + 3 * z) / 96,
+        (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384,
+    )
+    return z + sum(term / n**power for power, term in enumerate(terms, start=1))
+
+
+@dataclass(frozen=True)
+class Halves:
+    """Means (H, W, 3) of both replicates.
+
+    `share` (H, W, 1) is the part of a pixel's samples in `a`: 1/2 where both have as many.
+    """
+
+    a: Doubles
+    b: Doubles
+    share: Doubles
+    are_whole: bool  # every pixel has samples in both halves
+
+    @property
+    def mean(self) -> Doubles:
+        """The picture as the film has it: the sample-weighted mean of both halves."""
+        made: Doubles = self.share * self.a + (1 - self.share) * self.b
+        return made
+
+
+def halves_of(film: core.Film, exposure_scale: float) -> Halves:
+    sums, counts = film.replicates, film.counts.astype(np.float64)[..., None]
+    means = sums[..., :3] / np.maximum(counts, 1) * exposure_scale
+    total = np.maximum(counts.sum(axis=0), 1)
+    return Halves(means[0], means[1], counts[0] / total, bool((counts > 0).all()))
+
 
 GUIDES = ("albedo", "normal")
 LEAST_SHADOW = 0.002  # half an 8-bit step

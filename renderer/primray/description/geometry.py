@@ -166,7 +166,7 @@ class Curves:
     disks at both ends.
 
     A curve of n segments has 3 n + 1 control points, one after the other. Similarity transforms scale the radii; any other
-    matrix makes tubes elliptic (core/precision/separate_prototypes.py).
+    matrix makes tubes elliptic (core/single_precision.py).
     """
 
     path: str

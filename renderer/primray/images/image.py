@@ -18,10 +18,9 @@ from ..arrays import Floats
 from ..color.color_space import REC709, ColorSpace
 from ..description import Camera, Frame
 from ..description.picture_file import OTHER_EXTENSIONS, PLAIN, HeaderValue, PictureFile
+from ..diagnostic_messages import Announcer, picture_html
 from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
-from ..messages.announcement import Announcer
-from ..messages.notebook import picture_html
 from ..settings import check_stops
 from .aov import Aov, Values
 from .encoding import LINEAR_BITS, NONE, Encoding, half_faults, store_halves

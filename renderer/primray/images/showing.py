@@ -24,8 +24,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Doubles, Floats
+from ..diagnostic_messages import diagnostics_html, display, in_notebook
 from ..errors import PrimrayError
-from ..messages.notebook import diagnostics_html, display, in_notebook
 from .exposure import View, as_viewed
 from .writers import write_view
 

@@ -12,14 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from ..core import compiled
-from ..core.building import core_scene, inverse_cdf
 from ..core.inputs import filled
 from ..core.light_upload import LightUpload
 from ..core.native import raise_primray_error
-from ..core.precision.far_geometry import OUTLYING, rebasing_origin
-from ..core.scene import CoreScene
+from ..core.scene import CoreScene, core_scene, inverse_cdf
 from ..core.scene_upload import UploadRecord, camera_input, power_of_two_scale, scene_extent
 from ..core.shape_upload import matrix, whole_part
+from ..core.single_precision import OUTLYING, rebasing_origin
 from ..core.surface_upload import SurfaceUpload, is_cutout, is_hole
 from ..description import Mesh, Placed, SceneDescription, Surface, TextureFile
 from ..description.placement import transformed_boxes

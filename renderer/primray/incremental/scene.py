@@ -1,28 +1,32 @@
-"""A stage that is rendered repeatedly, with edits between renders: what edits do not affect is kept from one to the next.
+"""A stage that is rendered repeatedly: what does not change from one render to the next is kept.
 
-KeptStage follows edits, and drops results of interrupted steps; Scene is what callers use.
+KeptStage follows edits, and drops results of interrupted steps; Scene is what callers use. `render_frames` renders several
+frames of one stage, where each reuses what the one before made and time does not change.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from ..errors import SettingsError
 from ..render.prepare import composing_settings, prepare
-from ..render.render import OnInterrupt, OpenedFrames, with_setting_names
+from ..render.render import OnInterrupt, OpenedFrames, rendered_frames, with_setting_names
 from ..settings import RenderSettings, with_values
 from .steps import CachedSteps, MemoryLimitedSteps
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from ..checkpoints.checkpointing import Checkpointing
     from ..diagnostics import Diagnostics
     from ..images.image import Image
-    from ..render.prepare import Steps
-    from ..render.snapshots import Snapshots
+    from ..render.prepare import OpenedStage, Steps
+    from ..render.progress import Snapshots
+    from ..render.render import Open
     from ..report.prepared import Prepared
     from ..report.report import Costs
     from ..sampling.sampling import Progress
@@ -74,7 +78,7 @@ class Scene:
         **values: Unpack[SettingsValues],
     ) -> Image:
         """Render the stage as it is now, like primray.render; `snapshots` are those of primray.render_frames."""
-        from ..messages.announcement import Announcer
+        from ..diagnostic_messages import Announcer
         from ..render.progress import shown_progress
 
         settings = self._composed(with_values(settings, values))
@@ -144,3 +148,66 @@ class KeptStage(OpenedFrames):
             with costs.stage("open"):
                 recheck_stage(self.opened.stage, told, self._composition)
             self.opened = replace(self.opened, diagnostics=told)
+
+
+def render_frames(
+    stage: str | os.PathLike[str] | OpenedStage | Any,
+    frames: Iterable[RenderSettings],
+    *,
+    progress: Progress | Literal[False] | None = None,
+    on_interrupt: OnInterrupt = "raise",
+    checkpointing: Iterable[Checkpointing | None] = (),
+    snapshots: Snapshots | None = None,
+) -> Iterator[Image]:
+    """Render one stage several times, opening it once (the first report has the time of that).
+
+    >>> frames = [primray.RenderSettings(time_code=t, resolution=(32, 18), spp=2) for t in (1.0, 2.0)]
+    >>> [image.report["settings"]["time_code"] for image in primray.render_frames("shot.usda", frames)]
+    [1.0, 2.0]
+
+    What does not change from frame to frame is translated and built once, as far as memory allows; the bits are those of
+    separate renders. `checkpointing`, where given, has one item a frame; `snapshots` are taken of every frame. All else is
+    as for `render`.
+    """
+    taken = () if snapshots is None else (snapshots,)
+    return rendered_frames(
+        stage,
+        frames,
+        progress=progress,
+        on_interrupt=on_interrupt,
+        checkpointing=checkpointing,
+        snapshots=taken,
+        opening=_opener(frames),
+    )
+
+
+def quiet_frames(
+    stage: str | os.PathLike[str] | OpenedStage | Any,
+    frames: Iterable[RenderSettings],
+    *,
+    progress: Progress | None = None,
+    on_interrupt: OnInterrupt = "raise",
+    checkpointing: Iterable[Checkpointing | None] = (),
+    snapshots: Sequence[Snapshots] = (),
+) -> Iterator[Image]:
+    """Render frames for callers that show diagnostics and progress themselves: no warnings, no log, no progress bar."""
+    return rendered_frames(
+        stage,
+        frames,
+        progress=progress,
+        on_interrupt=on_interrupt,
+        checkpointing=checkpointing,
+        snapshots=snapshots,
+        is_quiet=True,
+        opening=_opener(frames),
+    )
+
+
+def _opener(frames: Iterable[RenderSettings]) -> Open:
+    """Return how to open the stage: a single frame keeps nothing; the length of an iterator is unknown."""
+    return OpenedFrames if isinstance(frames, Sequence) and len(frames) == 1 else _open_kept
+
+
+def _open_kept(stage: Any, settings: RenderSettings) -> OpenedFrames:
+
+    return KeptStage(stage, settings, is_frugal=True)

@@ -1,23 +1,29 @@
 """A stage kept open to be rendered repeatedly: with other cameras, other variants, and changed files.
 
-A move of the camera is one attribute of the session layer: everything that does not depend on it is kept between renders.
+A move of the camera is one attribute of the session layer: everything that does not depend on it is kept between renders. Mouse
+drags, as fractions of the picture's height, turn the camera around a target point.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .. import usd
+from ..arrays import Doubles
+from ..camera import Camera, Projection
+from ..description.placement import Box
 from ..diagnostics import Diagnostics
 from ..incremental.scene import KeptStage
+from ..render.progress import picture_so_far
 from ..render.render import picture_of
-from ..render.snapshots import picture_so_far
 from ..report.report import Costs
 from ..settings import RenderSettings
-from .orbit import Orbit, orbit_of
 
 if TYPE_CHECKING:
     from ..camera import Camera
@@ -25,6 +31,88 @@ if TYPE_CHECKING:
     from ..images.image import Image
     from ..report.prepared import Prepared
     from ..sampling.sampling import Sampling
+
+
+TURN = math.pi  # radians for a drag over the picture's height
+STEEPEST = math.cos(math.radians(89.5))  # least dot product of the camera's up axis and the stage's: below 0 it is upside down
+ROOM = 1.1  # radius of the framed sphere over that of the box
+NEAREST = 1e-3  # least distance to the target, as a fraction of the scene's size
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """A camera that orbits a target. `rotation` (3, 3): the camera's right, up and backward axes in the world, as unit
+    columns."""
+
+    target: Doubles  # (3,) world
+    rotation: Doubles
+    distance: float  # scene units, to the target
+    up: Doubles  # (3,) world: the stage's up axis
+    zoom: float = 1.0  # of an orthographic camera's window
+
+    @property
+    def world_from_camera(self) -> Doubles:
+        """Matrix (4, 4), column-vector."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.rotation
+        matrix[:3, 3] = self.target + self.rotation[:, 2] * self.distance
+        return matrix
+
+    def tumbled(self, across: float, down: float) -> Orbit:
+        """Return the orbit turned about the target: objects follow the mouse. The camera never turns over."""
+        turned = _rotation(self.up, -TURN * across) @ self.rotation
+        raised = _rotation(turned[:, 0], -TURN * down) @ turned
+        upright = min(float(turned[:, 1] @ self.up) - 1e-12, STEEPEST)
+        return replace(self, rotation=raised if raised[:, 1] @ self.up >= upright else turned)
+
+    def panned(self, across: float, down: float, camera: Camera) -> Orbit:
+        """Return the orbit with the target moved against the mouse, so that objects follow it."""
+        height = camera.window[3] - camera.window[2]
+        if camera.projection is Projection.PERSPECTIVE:
+            height *= self.distance
+        right, up = self.rotation[:, 0], self.rotation[:, 1]
+        return replace(self, target=self.target + height * (down * up - across * right))
+
+    def dollied(self, steps: float, camera: Camera) -> Orbit:
+        """Return the orbit moved towards the target, by a factor of e per step; an orthographic window shrinks instead."""
+        factor = math.exp(-steps)
+        if camera.projection is Projection.ORTHOGRAPHIC:
+            return replace(self, zoom=self.zoom * factor)
+        return replace(self, distance=self.distance * factor)
+
+    def framed(self, box: Box, camera: Camera) -> Orbit:
+        """Return the orbit in the same direction with the whole box in the picture."""
+        low, high = (np.asarray(corner, np.float64) for corner in box)
+        radius = max(float(np.linalg.norm(high - low)) / 2, 1e-9)
+        left, right, bottom, top = camera.window
+        side = min(right - left, top - bottom)
+        target = (low + high) / 2
+        if camera.projection is Projection.ORTHOGRAPHIC:
+            zoom = self.zoom * ROOM * 2 * radius / side
+            return replace(self, target=target, zoom=zoom, distance=max(self.distance, 2 * radius))
+        return replace(self, target=target, distance=ROOM * radius / math.sin(math.atan(side / 2)))
+
+
+def orbit_of(camera: Camera, box: Box | None, z_up: bool) -> Orbit:
+    """Return the orbit of a camera about the point on its axis that is nearest to the centre of the scene's box."""
+    matrix = np.asarray(camera.world_from_camera, np.float64)
+    up = np.array([0.0, 0.0, 1.0] if z_up else [0.0, 1.0, 0.0])
+    rotation, eye = matrix[:3, :3].copy(), matrix[:3, 3]
+    distance = camera.focus_distance if 0 < camera.focus_distance < math.inf else 1.0
+    if box is not None:
+        low, high = (np.asarray(corner, np.float64) for corner in box)
+        size = float(np.linalg.norm(high - low))
+        ahead = float((eye - (low + high) / 2) @ rotation[:, 2])
+        distance = max(ahead, NEAREST * size, 1e-9) if ahead > 0 or size > 0 else distance
+    return Orbit(eye - rotation[:, 2] * distance, rotation, distance, up)
+
+
+def _rotation(axis: Doubles, angle: float) -> Doubles:
+    """Return the rotation (3, 3) about a unit axis (Rodrigues' formula)."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: Doubles = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)
+    return turned
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,37 @@
-"""Flux of a light: its emission integrated over its surface and all directions, times the cosine at the surface.
+"""Flux of a light, and the scale of its emission for a photometric amount: a flux, or an illuminance.
 
-It is integrated over directions by the light's projected area, which is in closed form under any affine transform. Without
-shaping it is pi times the area (Cauchy's formula).
+The flux is the emission integrated over the surface and all directions, times the cosine at the surface. It is integrated over
+directions by the light's projected area, which is in closed form under any affine transform. Without shaping it is pi times the
+area (Cauchy's formula).
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import assert_never
 
 import numpy as np
 
-from ..arrays import Doubles
-from ..description.lighting import Light, LightType, Shaping
-from .light_shape import Sizes, axes_with_depth, cylinder_area, disk_area, projected_area, rect_area, shape_key, sphere_area
-from .shaping_factor import axis_of, cone_angles, scaled_angles, shaping_factor
+from ..arrays import Doubles, Floats
+from ..description.lighting import Light, LightType, Photometric, Shaping
+from .illuminance import distant_illuminance, dome_illuminance, illuminance_ahead
+from .light_shape import (
+    Sizes,
+    axes_with_depth,
+    axis_of,
+    cone_angles,
+    cylinder_area,
+    disk_area,
+    projected_area,
+    rect_area,
+    scaled_angles,
+    shape_key,
+    shaping_factor,
+    sphere_area,
+)
 
 AROUND = 256  # least number of directions around the axis
 _MOST_BREAKS = 720
@@ -115,3 +130,36 @@ def _quadrature(breaks: list[float], end: float, fewest: int) -> tuple[Doubles, 
     x, w = np.polynomial.legendre.leggauss(order)
     half = np.diff(edges) / 2
     return (edges[:-1, None] + half[:, None] * (x + 1)).ravel(), (half[:, None] * w).ravel()
+
+
+# Shaping and images may multiply the emission by 1e9 before single precision overflows.
+BRIGHTEST_EMISSION = 1e15
+DARK_TEXT = "The light's shape, shaping and image let no light out, so the amount cannot be reached: it emits nothing."
+TOO_BRIGHT_TEXT = f"The requested amount needs an emission above {BRIGHTEST_EMISSION:g}: it is clamped to that."
+
+
+def amount_of_unit_emission(light: Light, wanted: Photometric, image: Floats | None = None) -> Doubles:
+    """Return the amount (3,) that an emission of 1 gives, through an image (H, W, 3) if there is one."""
+    if light.type is LightType.DOME:
+        return dome_illuminance(light, wanted.up, image)
+    if light.type is LightType.DISTANT:
+        return distant_illuminance(light)
+    if wanted.distance is not None:
+        return illuminance_ahead(light, wanted.distance, image)
+    all_of_it = flux(light)
+    return all_of_it if image is None else np.array(all_of_it * image.mean(axis=(0, 1), dtype=np.float64))
+
+
+def scaled_to(light: Light, wanted: Photometric, of_one: Doubles) -> Light | None:
+    """Return the light with the wanted amount, given that an emission of 1 has the amount `of_one`; None if no scale does."""
+    luminance = float((of_one * light.emission) @ np.array(wanted.weights))
+    if not luminance > 0 or not math.isfinite(luminance):
+        return None
+    r, g, b = (x * (wanted.amount / luminance) for x in light.emission)
+    return replace(light, emission=(r, g, b), photometric=None)
+
+
+def clamped(light: Light) -> Light:
+    """Return the light with its emission clamped to BRIGHTEST."""
+    r, g, b = (min(x, BRIGHTEST_EMISSION) for x in light.emission)
+    return replace(light, emission=(r, g, b))

@@ -14,8 +14,7 @@ import numpy as np
 
 from ..arrays import Doubles, Floats
 from ..description.lighting import Light, LightType, Shaping
-from .light_shape import Sizes, area_vector, axes_with_depth, shape_key
-from .shaping_factor import axis_of, shaping_factor
+from .light_shape import Sizes, area_vector, axes_with_depth, axis_of, shape_key, shaping_factor
 
 _NODES = 256  # quadrature nodes along each of two parameters
 _FINEST = 2048  # most rows or columns of an image

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..sampling.sampling import Progress, Sampling
     from ..settings.written import SettingsValues
     from .prepare import Steps
-    from .snapshots import Snapshots
+    from .progress import Snapshots
 
     Tell = Callable[[Diagnostics], None]
 
@@ -92,7 +92,7 @@ def _in_parts(
     on_interrupt: OnInterrupt,
     checkpointing: Checkpointing | None,
 ) -> Image:
-    from ..messages.announcement import Announcer
+    from ..diagnostic_messages import Announcer
     from .in_parts import diagnostics_of, render_in_parts
     from .progress import shown_progress
 
@@ -153,7 +153,7 @@ def rendered_frames(
 
     `is_quiet`: no warnings, log or progress bar, for callers that show these themselves.
     """
-    from ..messages.announcement import Announcer
+    from ..diagnostic_messages import Announcer
     from .progress import shown_progress
 
     own = None if progress is False else progress
@@ -182,7 +182,7 @@ def render_opened(
     steps: Steps | None = None,
 ) -> Image:
     """Render one picture of a stage; `steps` as for `prepare`."""
-    from ..denoising.target import check_denoising, denoised_target
+    from ..denoising.denoiser import check_denoising, denoised_target
     from ..diagnostics import Diagnostics
     from ..sampling.sampling import Sampling, run_with_saving
 
@@ -263,7 +263,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
             _note_if_worse(image, diagnostics)
             image = image if backdrop is None else backdrop.behind_denoised(image, rendered[..., 3:])
     if camera.diffusion.strength != 0:
-        from ..glare.diffuse import with_diffusion
+        from ..images.glare import with_diffusion
 
         with kept_without("the diffused picture", diagnostics), costs.stage("diffusion"):
             image = with_diffusion(image)
@@ -326,7 +326,7 @@ def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs
     A picture that a denoised target made last is of all samples, and is not made again.
     """
     from ..denoising.denoised import Denoising, guides_of, with_denoised
-    from ..denoising.target import DenoisedTarget
+    from ..denoising.denoiser import DenoisedTarget
 
     with costs.stage("denoise"):
         judge = sampling.judge_by

@@ -26,12 +26,12 @@ from ..description import (
     SubdivisionMesh,
     TextureInput,
 )
-from ..description.pattern_reads import pattern_files
+from ..description.shading import pattern_files
 from ..errors import AssetError
 from ..settings import DEFAULT_DICING_RATE
 from ..tessellation.dice import estimated_triangles
 from ..tessellation.footprint import Footprint, footprints
-from ..textures.image_header import read_header
+from ..textures.image_layout import read_header
 
 # Peak bytes, fitted to measurements by `python -m tests.bench.setup.memory`. Arrays of the description are counted exactly,
 # twice because the core copies them; the constants below come on top.

@@ -5,7 +5,6 @@ nothing that refers to its prims (light links, collections, instances) can chang
 studio light as `default-light`.
 """
 
-from .additions import require_dome, with_requested_additions
-from .studio_light import with_studio_where_dark
+from .additions import require_dome, with_requested_additions, with_studio_where_dark
 
 __all__ = ["require_dome", "with_requested_additions", "with_studio_where_dark"]

@@ -26,8 +26,7 @@ from ..description import (
 )
 from ..settings import RenderSettings
 from .footprint import EVERYWHERE, MAX_LEVEL, OUTSIDE, Footprint, footprints
-from .nurbs.grid import Fineness
-from .nurbs.patches import dice_patches, triangles_of
+from .nurbs.patches import Fineness, dice_patches, triangles_of
 
 # Tokens in the order of the core's enumerations (topology.hpp, face_varying.cpp).
 SCHEMES = ("catmullClark", "loop", "bilinear")

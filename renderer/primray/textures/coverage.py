@@ -26,8 +26,7 @@ from ..description import (
     TextureInput,
     Wrap,
 )
-from ..description.pattern_reads import plain_images
-from ..description.shading import OPEN_PBR_PREFIX
+from ..description.shading import OPEN_PBR_PREFIX, plain_images
 from ..diagnostics import Diagnostics
 from .texture import Texture
 

@@ -1,20 +1,30 @@
-"""Layout of an image file: meaning of its channels, layers, display window, colour encoding and wrap modes.
+"""Layout of an image file: meaning of its channels, layers, display window, colour encoding and wrap modes; and its header.
 
 Layers are parts of a multi-part EXR, and channels that share a prefix ("diffuse.R"). A part's name counts as a prefix of its
-channels, so that "diffuse" names a part as well as channels of that prefix.
+channels, so that "diffuse" names a part as well as channels of that prefix. A card that shows an image is placed by the
+"worldtoscreen" matrix in the image's metadata.
 """
 
 from __future__ import annotations
 
 import struct
+import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays import Doubles
 from ..description import Wrap
 from ..errors import AssetError
+from .image_errors import last_error
+
+if TYPE_CHECKING:
+    import OpenImageIO as oiio
+
 
 # OpenImageIO's names of wrap modes, in textures made by maketx.
 _WRAPS = {"black": Wrap.BLACK, "clamp": Wrap.CLAMP, "periodic": Wrap.REPEAT, "mirror": Wrap.MIRROR}
@@ -206,3 +216,47 @@ def _channels(names: tuple[str, ...], label: str, layer: str) -> list[int]:
         own = [i for i, prefix in enumerate(prefixes) if not prefix]
     # A single channel by its full name ("N.Y").
     return own or [i for i, name in enumerate(names) if layer in (name, f"{label}.{name}")]
+
+
+def read_header(path: str, read: Callable[[str], bytes]) -> oiio.ImageSpec | None:
+    """Return an image's header with the size of its display window; None if it cannot be opened.
+
+    `read` returns the bytes of a package's member ("package.usdz[member]").
+    """
+    if not path.endswith("]"):
+        return _of_file(path)
+    with tempfile.NamedTemporaryFile(suffix=PurePath(path[path.rindex("[") + 1 : -1]).suffix) as unpacked:
+        unpacked.write(read(path))
+        unpacked.flush()
+        return _of_file(unpacked.name)
+
+
+def _of_file(path: str) -> oiio.ImageSpec | None:
+    import OpenImageIO as oiio
+
+    image = oiio.ImageInput.open(path)
+    if image is None:
+        last_error(oiio)
+        return None
+    try:
+        spec = image.spec()
+        spec.width, spec.height = windows_of(spec, image.format_name()).picture
+        return spec
+    finally:
+        image.close()
+
+
+# OpenImageIO before 2.2 wrote "worldtoscreen" as "worldToNDC".
+_NAMES = ("worldtoscreen", "worldToNDC")
+
+
+def read_matrix(path: str, read: Callable[[str], bytes]) -> Doubles | None:
+    """Return the (4, 4) matrix for row vectors as written, None where the file has none; `read` as for read_header."""
+    header = read_header(path, read)
+    if header is None:
+        return None
+    for name in _NAMES:
+        values = header.getattribute(name)
+        if isinstance(values, tuple | list) and len(values) == 16:
+            return np.array(values, np.float64).reshape(4, 4)
+    return None

@@ -17,10 +17,10 @@ import numpy.typing as npt
 from ..arrays import Doubles
 from ..description import LightType, SceneDescription, TextureFile, TextureInput, Wrap
 from ..description.lighting import Light, Photometric
-from ..description.pattern_reads import pattern_files
+from ..description.shading import pattern_files
 from ..diagnostics import Diagnostics
 from ..errors import AssetError, LimitError
-from ..photometry.amounts import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
+from ..photometry.flux import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from ..photometry.light_shape import shape_key
 from .texture import ReadAsset, Texture, load_texture
 

@@ -1,4 +1,4 @@
-"""The service's commands of `primray`, one file each; renderer/primray/cli/command_group.py finds them through COMMANDS.
+"""The service's commands of `primray`, one file each; renderer/primray/cli/app.py finds them through COMMANDS.
 
     serve.py                                    start a service (help texts of its limits: limit_options.py)
     submit.py, scene_file.py                    send a scene with the files it refers to, and create a job

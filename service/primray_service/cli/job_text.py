@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from primray.diagnostic_codes import CODES
-from primray.messages.diagnostics_text import diagnostics_lines
+from primray.diagnostic_messages import diagnostics_lines
 
 from .exits import error_of
 

@@ -17,7 +17,7 @@ from primray.color.color_space import REC709, ColorSpace, matrix, transformed
 from primray.diagnostics import Diagnostics
 from primray.images.background import Backdrop
 from primray.images.image import Image
-from primray.sampling.forecast import Forecaster
+from primray.sampling.prediction import Forecaster
 from primray.sampling.sampling import Sampling
 from primray.settings import SAMPLE_BLOCK
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from primray.cli import run, turntable
+from primray.cli import run, shots
 from primray.cli.app import app
 
 from .printed import ROOT, pages, printed_commands
@@ -44,7 +44,7 @@ MADE_ELSEWHERE = {
 def runs_here(command: list[str]) -> bool:
     if find_spec("pyoidn") is None and any("denoise" in word for word in command):
         return False
-    if "--fps" in command and turntable._program() is None:
+    if "--fps" in command and shots._program() is None:
         return False
     return command[0] in RUN_HERE and not any(word.startswith(ELSEWHERE) for word in command)
 

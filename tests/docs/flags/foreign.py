@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from primray.cli.foreign_command_lines import DONE_ANYWAY, REFUSED
-from primray.cli.turntable import FPS_ALONE
+from primray.cli.shots import FPS_ALONE
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "from-usdrecord-and-husk.md"
 

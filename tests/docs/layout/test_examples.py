@@ -19,10 +19,10 @@ from typer.main import get_command
 
 from primray import diagnostic_codes
 from primray.checkpoints.checkpoint import identity
+from primray.cli.app import with_options
 from primray.cli.commands.doctor import doctor
 from primray.cli.commands.render import render
 from primray.cli.flags import setting_values
-from primray.cli.typer_options import with_options
 from primray.description import Sphere
 from primray.diagnostic_codes import Code, Kind, Severity
 from primray.diagnostics import Diagnostics

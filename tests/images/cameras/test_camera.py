@@ -20,7 +20,7 @@ from tests.described import (
     translation,
 )
 
-from primray.core.precision.far_geometry import rebasing_origin
+from primray.core.single_precision import rebasing_origin
 from primray.description import Camera, Doubles, LightType, Projection, Shape, Sphere
 
 RESOLUTION = (640, 400)

@@ -25,7 +25,7 @@ from tests.described import (
 )
 from tests.kernels.scenes import SCENES
 
-from primray.core.precision.far_geometry import rebasing_origin
+from primray.core.single_precision import rebasing_origin
 from primray.description import Camera, CameraMotion, Doubles, Exposure, LightType, Sphere, Surface
 
 RESOLUTION = (640, 400)

@@ -144,7 +144,7 @@ def test_a_view_that_fails_at_the_end_costs_nothing_else(
         ("primray.images.first_hit.aovs_of", ["--aov", "depth"]),
         ("primray.images.cryptomatte.mattes_of", ["--aov", "crypto_object"]),
         ("primray.images.light_path_aovs.light_paths_of_film", ["--aov", "C<RD>L"]),
-        ("primray.glare.diffuse.with_diffusion", ["--diffusion", "0.1"]),
+        ("primray.images.glare.with_diffusion", ["--diffusion", "0.1"]),
     ],
 )
 def test_what_is_made_at_the_end_may_fail(
@@ -173,6 +173,6 @@ def test_the_left_eye_is_kept_where_the_right_one_fails(stage: Path, monkeypatch
         yield made
         raise SettingsError("the right eye is blind")
 
-    monkeypatch.setattr("primray.incremental.frames.quiet_frames", frames)
+    monkeypatch.setattr("primray.incremental.scene.quiet_frames", frames)
     assert run(["render", "s.usda", "--stereo", "-o", "pair.exr", "-o", "pair.png", *QUICK]) == 2
     assert sorted(path.name for path in stage.parent.glob("pair*")) == ["pair_left.exr", "pair_left.png"]

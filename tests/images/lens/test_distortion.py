@@ -11,7 +11,7 @@ from tests.described import box, describe, ground, kernels, lambert, light, look
 from tests.images.motion.motion_scenes import exposed
 
 from primray.camera import camera_as_json, camera_of
-from primray.core.precision.far_geometry import rebasing_origin
+from primray.core.single_precision import rebasing_origin
 from primray.description import Camera, CameraMotion, Doubles, LightType
 from primray.lens.distortion import DirectionTable, Distortion, DistortionModel
 

@@ -34,7 +34,7 @@ from tests.textured import (
     with_primvars,
 )
 
-from primray.core.building import inverse_cdf
+from primray.core.scene import inverse_cdf
 from primray.core.scene_upload import upload
 from primray.description import (
     Interpolation,

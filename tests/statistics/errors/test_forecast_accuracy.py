@@ -19,7 +19,7 @@ from primray.render import prepare
 from primray.report.report import Costs
 from primray.sampling import sampling as sampling_module
 from primray.sampling.error import Estimate
-from primray.sampling.forecast import Forecaster
+from primray.sampling.prediction import Forecaster
 from primray.sampling.sampling import Sampling
 from primray.settings import RenderSettings
 

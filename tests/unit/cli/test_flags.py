@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from primray.cli.app import app
-from primray.cli.command_group import LazyCommand, loaded
+from primray.cli.app import LazyCommand, app, loaded
 from primray.cli.flags import flags_of
 
 COMMANDS = ("render", "estimate", "inspect", "doctor", "submit", "sheet", "merge", "view")

@@ -12,10 +12,9 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from primray.cli.app import app
+from primray.cli.app import app, with_options
 from primray.cli.commands.render import render
 from primray.cli.quick import TABLE, render_arguments
-from primray.cli.typer_options import with_options
 
 LINES = [
     "render s.usd",

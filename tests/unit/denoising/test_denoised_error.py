@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from primray.arrays import Doubles
-from primray.denoising.denoised_error import Halves, cross_half_error, student95
+from primray.denoising.denoised import Halves, cross_half_error, student95
 
 SIZE, RUNS = (24, 32), 200
 

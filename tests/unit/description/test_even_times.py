@@ -7,7 +7,7 @@ import pytest
 from tests.described import kernels, render, translation
 from tests.images.motion.motion_scenes import alone, box_average, deforming, instanced, moving, profile, square
 
-from primray.core.building import inverse_cdf
+from primray.core.scene import inverse_cdf
 from primray.core.scene_upload import upload
 from primray.description.motion import SAME_TIME, handed_over, is_uniform
 from primray.settings import Filter

@@ -11,11 +11,11 @@ import OpenImageIO as oiio
 import pytest
 
 from primray.color.color_space import REC709, matrix, named
+from primray.diagnostic_messages import RenderWarning
 from primray.errors import SettingsError
 from primray.images.aov import Aov
 from primray.images.image import Image
 from primray.images.reading import read_image
-from primray.messages.announcement import RenderWarning
 
 
 def _image(**changes: Any) -> Any:

@@ -12,8 +12,7 @@ import pytest
 from tests.textured import UNIT_ST, glowing, look_at_plate, pixels_of, plate, primvar, texture
 
 from primray.description import Interpolation, SubdivisionMesh, TextureFile
-from primray.description.pattern_reads import plain_images
-from primray.description.shading import NodeOutput, Pattern, PatternNode
+from primray.description.shading import NodeOutput, Pattern, PatternNode, plain_images
 from primray.diagnostics import Diagnostics
 from primray.render import load_textures
 from primray.textures.coverage import note_missing_tiles, overlapped_tiles

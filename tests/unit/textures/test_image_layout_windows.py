@@ -11,7 +11,7 @@ import pytest
 from primray.description import TextureFile
 from primray.errors import LimitError
 from primray.textures import texture
-from primray.textures.image_header import read_header
+from primray.textures.image_layout import read_header
 from primray.textures.texture import load_texture
 
 from ..conftest import make_description, make_dome

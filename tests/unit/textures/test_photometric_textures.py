@@ -11,7 +11,7 @@ import pytest
 from primray.description import Doubles, Floats, Light, LightType, TextureFile
 from primray.description.lighting import Photometric
 from primray.diagnostics import Diagnostics
-from primray.photometry.amounts import amount_of_unit_emission
+from primray.photometry.flux import amount_of_unit_emission
 from primray.textures import texture_set
 from primray.textures.texture import Texture
 from primray.textures.texture_set import with_read_textures

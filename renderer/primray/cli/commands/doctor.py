@@ -52,8 +52,7 @@ def _machine(as_json: bool) -> None:
 
 
 def _stage(scene: str, settings: RenderSettings, seconds: float, as_json: bool, verbose: bool) -> None:
-    from ...diagnosis.doctor import diagnose
-    from ...diagnosis.text import lines
+    from ...diagnosis.doctor import diagnose, lines
     from ..console import print_line
 
     facts = diagnose(scene, settings, seconds).as_json()

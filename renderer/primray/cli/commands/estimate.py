@@ -36,7 +36,7 @@ def estimate(
 ) -> None:
     """Predict the samples and seconds that a render needs to reach an error, without rendering it."""
     from ...diagnosis.estimate import estimate as cost
-    from ...messages.diagnostics_text import print_diagnostics
+    from ...diagnostic_messages import print_diagnostics
     from ..console import print_line
 
     targets = target_errors or []

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from ...messages.diagnostics_text import diagnostics_lines, fidelity_text
+from ...diagnostic_messages import diagnostics_lines, fidelity_text
 from ...settings import RenderSettings
 from .. import option_values
 from ..flags import CONTENTS, FRAMES, LIGHTING, REFUSAL, SIZE, SURFACES, VIEWPOINT, frames_in, in_order, setting_values

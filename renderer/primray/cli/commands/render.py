@@ -34,16 +34,24 @@ from ..flags import (
 from ..option_values import ColorCorrection
 from ..output_targets import EVERY_S, MOST_SHARE, is_standard, is_tev, output_name
 from ..pictures import Looks, check_outputs, check_reports, check_shots, has_samples, is_refused, save, tell_of_all, write
-from ..shots import Shot, moments, product_shots, require_only_products
+from ..shots import (
+    Shot,
+    moments,
+    movie_of,
+    product_shots,
+    require_only_products,
+    turntable_numbers,
+    turntable_shots,
+    write_movie,
+)
 from ..stereo import render_pair, require_files, require_whole_renders, write_pair
-from ..turntable import movie_of, turntable_numbers, turntable_shots, write_movie
 
 if TYPE_CHECKING:
     from ...checkpoints.checkpointing import Checkpointing
     from ...distributed.executor import PartsExecutor
     from ...images.image import Image
     from ...render import OpenedStage
-    from ...render.snapshots import Snapshots
+    from ...render.progress import Snapshots
     from ...sampling.sampling import Progress
 
 
@@ -333,7 +341,7 @@ def _render_shots(
     checkpointing: list[Checkpointing | None],
     snapshot_s: float | None,
 ) -> None:
-    from ...incremental.frames import quiet_frames
+    from ...incremental.scene import quiet_frames
 
     rendering: list[Shot] = []
 
@@ -433,7 +441,7 @@ def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown
 
     Failures are reported, and rendering continues.
     """
-    from ...render.snapshots import Snapshots
+    from ...render.progress import Snapshots
 
     def write_so_far(image: Image) -> None:
         for file in rendering[0].files:

@@ -1,6 +1,7 @@
-"""Operations of a tape in single-assignment form: the same operation on the same operands is one value.
+"""Operations of a tape in single-assignment form, and the nodes of a pattern that append them.
 
-A value is a row of numbers; a single number is broadcast where more are needed. Operators on values append operations.
+The same operation on the same operands is one value: a row of numbers; a single number is broadcast where more are needed.
+Operators on values append operations. Node functions see a node as its inputs' values, with access to primvars and files.
 """
 
 from __future__ import annotations
@@ -8,7 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
+
+from ...description import PatternNode, TextureFile
 
 Numbers = tuple[float, ...]
 Operand = tuple[int, int, int]  # an operation, the component of its result that is first, and 1 or 0: it advances, or stays
@@ -175,3 +178,66 @@ class Program:
     def normalize(self, x: Value) -> Value:
         """Return the vector scaled to unit length; 0 for the zero vector."""
         return x / self.sqrt(self.dot(x, x))
+
+
+# Components of each type.
+WIDTHS = {
+    "float": 1, "integer": 1, "boolean": 1, "vector2": 2, "vector3": 3, "color3": 3, "vector4": 4, "color4": 4,
+    "matrix33": 9, "matrix44": 16,
+}  # fmt: skip
+SHIFT_RANGE = 8  # as the core's kShiftRange
+NO_SHIFT, FOOTPRINT_SHIFTS, SLOPE_SHIFTS = 0, (1, 2), (3, 4)
+
+Outputs = Value | dict[str, Value]  # a single output of any name, or outputs by name
+
+
+class NodeContext(Protocol):
+    """Access of nodes to what is outside the graph."""
+
+    object_space: bool  # set where a node reads object space
+
+    def primvar(self, name: str) -> int: ...
+    def image(self, file: TextureFile, width: int, node: Node) -> int | None:
+        """Return the file's number among the tape's images, as the node reads it; None where it cannot be read."""
+
+    def frame(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Node:
+    program: Program
+    own: PatternNode
+    shift: int  # 0: the shaded point; else a point nearby, for differences
+    around: NodeContext
+    read: Callable[[str, int], Value]  # the value of an input at a shift
+
+    def __getitem__(self, name: str) -> Value:
+        return self.read(name, self.shift)
+
+    @property
+    def type(self) -> str:
+        return self.own.type
+
+    @property
+    def width(self) -> int:
+        return WIDTHS[self.own.type]
+
+    def has(self, name: str) -> bool:
+        return any(own == name for own, _ in self.own.inputs)
+
+    def text(self, name: str, otherwise: str = "") -> str:
+        value = dict(self.own.inputs).get(name, otherwise)
+        return value if isinstance(value, str) else otherwise
+
+    def whole(self, name: str, otherwise: int = 0) -> int:
+        """Return a constant integer input."""
+        value = dict(self.own.inputs).get(name)
+        return int(value[0]) if isinstance(value, tuple) and value else otherwise
+
+    def file(self, name: str) -> TextureFile | None:
+        value = dict(self.own.inputs).get(name)
+        return value if isinstance(value, TextureFile) else None
+
+    def shifted(self, number: int) -> int:
+        """Return the data of an operation that reads at the node's shift."""
+        return number * SHIFT_RANGE + self.shift

@@ -22,7 +22,7 @@ from ...color.ocio import space_named
 from ...description import Frame, TextureFile
 from ...diagnostics import Diagnostics
 from ...errors import AssetError
-from ...textures.image_header import read_header
+from ...textures.image_layout import read_header
 from ...textures.texture import load_texture
 from ..scene.inheritance import transforms
 from ..scene.schemas import OWN_MATERIAL

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pxr import Sdf, Usd
 
 from ...description import SceneDescription, TextureFile, TextureInput
-from ...description.pattern_reads import pattern_files
+from ...description.shading import pattern_files
 from ...diagnostics import Diagnostic, Diagnostics
 from ...errors import PrimrayError
 from ...process_memory import without_collection
@@ -26,8 +26,7 @@ from ..stage.values import When, when_of
 from ..stage_edits import may_be_edited
 from ..translate import Assembled, assemble, finish, translate, with_names
 from ..view_setup import ViewSetup, set_up_view
-from .changes import Changes, UnknownEffect, affected_by
-from .updates import LeafUpdates, MaterialUpdates, moved_leaves
+from .updates import Changes, LeafUpdates, MaterialUpdates, UnknownEffect, affected_by, moved_leaves
 
 # Codes of messages from USD, whose subject is not known by a prim path.
 _CODES_WITHOUT_PRIM = frozenset({"usd-message", "wrong-type"})

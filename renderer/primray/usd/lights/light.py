@@ -15,7 +15,7 @@ import numpy as np
 from ...arrays import Doubles
 from ...description import Light, LightType, Shaping, TextureFile
 from ...description.lighting import Photometric
-from ...photometry.amounts import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
+from ...photometry.flux import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from ...photometry.light_shape import cylinder_area, disk_area, rect_area, sphere_area
 from ..stage.metadata import up_axis
 from .authored import BRIGHTEST_RADIANCE, SMALLEST, AuthoredLight

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pxr import Usd
 
 from ...description import Input, NodeOutput, Operand, Pattern, PatternInput, PrimvarInput, Surface
-from ...description.pattern_reads import reads_view
+from ...description.shading import reads_view
 from ...settings import RenderContext
 from ..scene.context import Context
 from .material_primvars import SURFACE_SHADERS

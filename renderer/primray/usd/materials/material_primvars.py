@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from pxr import Usd
 
-from ...description.pattern_reads import primvar_of_set
+from ...description.shading import primvar_of_set
 from ...diagnostics import Diagnostics
 from ..scene.context import Context
 from ..stage.reads import shader_id

@@ -24,8 +24,7 @@ from ...description import (
     TextureInput,
     Wrap,
 )
-from ...description.pattern_reads import primvar_of_set
-from ...description.shading import TRANSFORM_2D, UV_TEXTURE
+from ...description.shading import TRANSFORM_2D, UV_TEXTURE, primvar_of_set
 from .usd_nodes import channels_of
 
 Numbers = tuple[float, ...]

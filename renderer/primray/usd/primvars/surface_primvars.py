@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ...aovs import WIDE
 from ...description import Interpolation, PatternInput, PrimvarInput, Surface, TextureInput
 from ...description import Primvar as SeamPrimvar
-from ...description.pattern_reads import pattern_fallbacks, pattern_primvars
+from ...description.shading import pattern_fallbacks, pattern_primvars
 from ..mesh.triangulate import Triangles
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim, element_count

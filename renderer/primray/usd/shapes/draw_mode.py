@@ -16,7 +16,7 @@ from pxr import Kind, Sdf, Tf, Usd, UsdGeom
 
 from ...arrays import Doubles
 from ...description import Interpolation, Mesh, Primvar, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
-from ...textures.image_header import read_matrix
+from ...textures.image_layout import read_matrix
 from ..materials.appearance import camera_sight
 from ..materials.texture_files import in_space
 from ..scene.bounds import is_deep

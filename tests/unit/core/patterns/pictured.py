@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from tests import described
 
-from primray.core.patterns.node import WIDTHS
+from primray.core.patterns.program import WIDTHS
 from primray.core.surface_upload import Textures
 from primray.description import (
     Floats,

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from primray.core.patterns.compiler import NO_MEANING, NODES
-from primray.core.patterns.node import WIDTHS
+from primray.core.patterns.program import WIDTHS
+from primray.core.patterns.tape_upload import NO_MEANING, NODES
 from primray.description import NodeOutput, Operand
 from primray.description.shading import TRANSFORM_2D, UV_TEXTURE
 

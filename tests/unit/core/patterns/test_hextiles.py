@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests import described
 
-from primray.core.patterns.node import WIDTHS
+from primray.core.patterns.program import WIDTHS
 from primray.description import Floats, Operand
 
 from .library import primitives

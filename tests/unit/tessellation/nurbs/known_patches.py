@@ -8,8 +8,7 @@ from primray.arrays import Doubles
 from primray.description import Direction, Mesh, NurbsPatch, TrimCurve
 from primray.description.geometry import TrimLoop
 from primray.tessellation.footprint import Footprint, Projected
-from primray.tessellation.nurbs.grid import Fineness
-from primray.tessellation.nurbs.patches import DicedPatch, dice_patch
+from primray.tessellation.nurbs.patches import DicedPatch, Fineness, dice_patch
 
 HALF = float(np.sqrt(0.5))
 # A circle in four quarters, and its right half in two: control points, weights, knots (Piegl and Tiller, 7.3).

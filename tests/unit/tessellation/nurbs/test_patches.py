@@ -10,8 +10,7 @@ import pytest
 from primray.arrays import Doubles
 from primray.description import Direction, Interpolation, Mesh, NurbsPatch, PointMotion, Primvar
 from primray.tessellation.nurbs.evaluation import bases
-from primray.tessellation.nurbs.grid import Fineness
-from primray.tessellation.nurbs.patches import dice_patches
+from primray.tessellation.nurbs.patches import Fineness, dice_patches
 from primray.usd.mesh.closed import is_closed
 
 from .known_patches import AROUND, STRAIGHT, areas, cone, diced, plane, seen, sphere, torus

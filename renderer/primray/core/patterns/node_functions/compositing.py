@@ -5,8 +5,7 @@ RGBA is premultiplied. Booleans are 1 and 0.
 
 from __future__ import annotations
 
-from ..node import Node
-from ..program import Value
+from ..program import Node, Value
 
 SMALL = 1e-8  # divisors below it count as 0
 

@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ....description.shading import TRANSFORM_2D, UV_TEXTURE
-from ..node import FOOTPRINT_SHIFTS, NO_SHIFT, SLOPE_SHIFTS, Node
-from ..program import Program, Value
+from ..program import FOOTPRINT_SHIFTS, NO_SHIFT, SLOPE_SHIFTS, Node, Program, Value
 
 
 def offsets(n: Node) -> list[Value]:

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import math
 
-from ..node import Node
-from ..program import Program, Value
+from ..program import Node, Program, Value
 
 
 def add(n: Node) -> Value:

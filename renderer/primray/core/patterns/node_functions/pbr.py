@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ..node import Node, Outputs
-from ..program import Program, Value
+from ..program import Node, Outputs, Program, Value
 
 SMALL = 1e-8
 COLDEST, HOTTEST = 800.0, 25000.0

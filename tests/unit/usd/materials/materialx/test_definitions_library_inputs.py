@@ -8,11 +8,10 @@ from typing import Any
 import pytest
 from tests.unit.usd.material_text import material, node, surface_of
 
-from primray.core.patterns.compiler import NODES, Graph, UnknownNodeError
-from primray.core.patterns.node import Node
-from primray.core.patterns.program import Value
+from primray.core.patterns.program import Node, Value
+from primray.core.patterns.tape_upload import NODES, Graph, UnknownNodeError
 from primray.description import NodeOutput, Pattern, PatternNode, TextureFile
-from primray.description.pattern_reads import GEOMPROPS
+from primray.description.shading import GEOMPROPS
 from primray.usd.materials.materialx.definitions import CLOSURES, Definition, definition, graph
 from primray.usd.materials.materialx.documents import library
 from primray.usd.materials.materialx.expressions import Expressions

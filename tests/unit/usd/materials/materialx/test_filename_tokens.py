@@ -11,7 +11,7 @@ from pxr import Usd
 from tests.unit.usd.material_text import Codes, material
 
 from primray.description import Pattern, SceneDescription, TextureFile, TextureInput
-from primray.description.pattern_reads import pattern_files
+from primray.description.shading import pattern_files
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.materials.materialx.filename_tokens import Frames, frames_of, with_frame

@@ -1,1 +1,0 @@
-"""Messages to the user: diagnostics as text, Python warnings and log records, and notebook output."""
