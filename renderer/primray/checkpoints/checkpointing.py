@@ -94,7 +94,7 @@ class Checkpointing:
 
 def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None) -> tuple[Sampling, CheckpointInfo]:
     """Return the sampling of a scene, resumed from a checkpoint if one is given, and the data of its checkpoints."""
-    from ..denoising.denoiser import denoised_target
+    from ..denoising.denoised import denoised_target
     from ..description.picture_file import PLAIN
     from ..sampling.sampling import Sampling
     from ..settings import settings_as_json

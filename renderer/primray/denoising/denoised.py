@@ -1,4 +1,4 @@
-"""The denoised picture of a film and its report: its error, and how much light it has lost.
+"""The denoised picture of a film and its report: its error, how much light it has lost, and stopping by that error.
 
 The picture is the mean of the two film halves, each denoised separately. Denoising the whole picture at once would be about as
 good, but its error could not be estimated.
@@ -17,17 +17,22 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from .. import core
 from ..arrays import Doubles, Floats
+from ..errors import SettingsError
 from ..images.image import Image
 from ..sampling.error import Z95, Estimate
-from ..settings import Metric, RenderSettings
-from .denoiser import Denoiser, Guides, denoiser_name
+from ..settings import Metric, RenderSettings, StopAt
+from .denoiser import Denoiser, Guides, check_denoiser, denoiser_name
+
+if TYPE_CHECKING:
+    from ..core import CoreScene
+    from ..sampling.sampling import Sampling
 
 DARKEST = 0.01  # relMSE divides by R^2 + 0.01
 TILE = 4  # pixels across; a denoiser correlates the errors of neighbouring pixels
@@ -224,3 +229,48 @@ def _energy(noisy: Doubles, denoised: Doubles) -> tuple[float, float, float] | N
         return None
     r, g, b = (after / before).tolist()
     return r, g, b
+
+
+# The interval's upper end may be at most this many times the target; beyond that, the estimate is too uncertain.
+MOST_DOUBT = 2.0
+
+
+def check_denoising(settings: RenderSettings) -> None:
+    """Raise SettingsError for settings that cannot be denoised. Called before rendering."""
+    if not settings.denoises:
+        return
+    check_denoiser()
+    if settings.stop_at is StopAt.DENOISED and settings.target_error is None:
+        sentence = "stop_at denoised needs target_error, the error of the denoised picture to stop at"
+        raise SettingsError(sentence, where="stop_at", code="denoised-target")
+
+
+class DenoisedTarget:
+    """A `sampling.sampling.Judge` by the denoised picture's error; caches the most recent denoised picture."""
+
+    def __init__(self, denoising: Denoising, settings: RenderSettings) -> None:
+        assert settings.target_error is not None
+        self._denoising = denoising
+        self._target = settings.target_error
+        self._metric = settings.metric
+        self._last: tuple[int, Denoised] | None = None
+
+    def is_met(self, sampling: Sampling) -> bool:
+        made = self.denoised(sampling)
+        if made.error is None:
+            return False
+        found = made.error.of(self._metric)
+        return found.value <= self._target and found.high <= MOST_DOUBT * self._target
+
+    def denoised(self, sampling: Sampling) -> Denoised:
+        """Return the denoised picture of all samples taken so far."""
+        if self._last is None or self._last[0] != sampling.film.samples:
+            self._last = sampling.film.samples, self._denoising.of(sampling.film)
+        return self._last[1]
+
+
+def denoised_target(scene: CoreScene, settings: RenderSettings) -> DenoisedTarget | None:
+    """Return the stopping criterion by the denoised picture's error, or None if the settings use another."""
+    if settings.stop_at is not StopAt.DENOISED or settings.target_error is None:
+        return None
+    return DenoisedTarget(Denoising(guides_of(scene, settings), scene.exposure_scale, settings), settings)

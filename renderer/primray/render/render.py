@@ -182,7 +182,7 @@ def render_opened(
     steps: Steps | None = None,
 ) -> Image:
     """Render one picture of a stage; `steps` as for `prepare`."""
-    from ..denoising.denoiser import check_denoising, denoised_target
+    from ..denoising.denoised import check_denoising, denoised_target
     from ..diagnostics import Diagnostics
     from ..sampling.sampling import Sampling, run_with_saving
 
@@ -325,8 +325,7 @@ def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs
 
     A picture that a denoised target made last is of all samples, and is not made again.
     """
-    from ..denoising.denoised import Denoising, guides_of, with_denoised
-    from ..denoising.denoiser import DenoisedTarget
+    from ..denoising.denoised import DenoisedTarget, Denoising, guides_of, with_denoised
 
     with costs.stage("denoise"):
         judge = sampling.judge_by

@@ -11,7 +11,7 @@ from .camera.framed_objects import framed_bounds
 from .camera.session_camera import has_camera, is_session_camera, place_camera
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
 from .inspect.prim_identity import assets_of, labels_of, names_in_instances
-from .inspect.stage_facts import stage_facts
+from .inspect.scene_facts import stage_facts
 from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
 from .materials.bound_materials import bound_materials
 from .render_settings.outputs import can_share_render, ordered_picture_channels, output_facts, outputs_of, pixel_settings

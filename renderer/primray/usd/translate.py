@@ -1,16 +1,19 @@
 """Translation of a stage to a SceneDescription: the table of adapters, and the passes in order.
 
-stage edits    stage_edits.py  copies of the stage with what the traversal cannot do: poses, back plates, levels of detail
+stage edits    edit_stage      copies of the stage with what the traversal cannot do: poses, back plates, levels of detail
 view           view_setup.py   what is asked for, the camera, and when it exposes
 traversal      assemble        groups of prims with what they inherit, then shapes, lights and placements from them
 description    finish          what a view decides: the camera's frame, the default light, motion sample times
+
+Stage edits are, in this order: a render pass, geometry lights, back plates, poses of skeletons, levels of detail. Most stages
+need none of them and are not copied.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 from pxr import Usd
 
@@ -19,20 +22,22 @@ from ..description.lighting import NO_LINKS
 from ..diagnostics import Diagnostics
 from ..process_memory import machine_bytes, without_collection
 from ..settings import RenderSettings
+from .camera.back_plates import RenderedCamera, find_back_plates, with_back_plates
 from .camera.lens import with_diffusion
 from .camera.motion import camera_motion, nearest_distance
 from .camera.near_plane import report_clipped_geometry
-from .camera.view import cameras_of, view_through
+from .camera.view import cameras_of, estimate_view, view_through, view_without_scene
 from .curves.adapter import basis_curves_of, hermite_curves_of, nurbs_curves_of
 from .instancing.instances import Arrangement, Group, arrange, at_instant, merge_coincident
 from .instancing.point_instancer import point_instances
 from .lights.assembly import add_default_light
-from .lights.light import light_at
+from .lights.geometry_light import with_geometry_lights
+from .lights.light import light_at, report_unnamed_portals
 from .lights.light_links import Links, find_links
-from .lights.portals import report_unnamed_portals
 from .mesh.adapter import mesh
-from .nurbs.adapter import nurbs_patch
-from .primvars.instance_primvars import without_unread_primvars
+from .motion.timing import Foreseen
+from .primvars.surface_primvars import without_unread_primvars
+from .render_settings.render_pass import with_render_pass
 from .scene.assembly import (
     add_group,
     add_kept_groups,
@@ -44,16 +49,90 @@ from .scene.assembly import (
 )
 from .scene.context import Context
 from .scene.inheritance import ResolvedPrim
+from .scene.level_of_detail import with_levels_chosen
 from .scene.translated_scene import Adapters, LightAdapter, Record, ShapeAdapter, TranslatedScene
 from .scene.walk import walk
 from .shapes.draw_mode import DRAW_MODES
 from .shapes.implicit import sphere, tessellated
+from .shapes.nurbs_patch import nurbs_patch
 from .shapes.points import POINT, point_sphere
+from .skinning.baking import any_drawn, posed_stage
+from .stage.edits import OpinionsLeak, isolated_copy
 from .stage.messages import file_names, scene_errors
 from .stage.metadata import meters_per_unit, up_axis
 from .stage.open import usd_messages
-from .stage_edits import edit_stage
-from .view_setup import ViewSetup, set_up_view
+from .stage.values import when_of
+from .view_setup import SearchedStage, ViewSetup, find_by_type, set_up_view
+
+
+class _ViewBeforeEdits:
+    """The view of the stage before its edits, for those that depend on it; what it reports, the view afterwards reports too."""
+
+    def __init__(self, searched: SearchedStage, settings: RenderSettings) -> None:
+        self._searched, self._settings = searched, settings
+
+    @cached_property
+    def setup(self) -> ViewSetup:
+        return set_up_view(self._searched, self._settings, Diagnostics(), {})
+
+    @property
+    def rendered_camera(self) -> RenderedCamera | None:
+        """The camera of the stage that the picture is taken through, with its frame; None without one."""
+        view = self.setup
+        camera, frame = view_without_scene(view.camera, view.ctx, view.product, view.shutter)
+        return None if view.camera is None or camera is None else RenderedCamera(view.camera, camera, frame)
+
+    @property
+    def foreseen(self) -> Foreseen:
+        """How large things will appear."""
+        return estimate_view(self.setup.camera, self.setup.ctx, self.setup.product)
+
+    def camera_on(self, stage: Usd.Stage) -> Usd.Prim | None:
+        """Return the camera's prim on a copy of the stage; None if the picture is not taken through a camera of the stage."""
+        return None if self.setup.camera is None else stage.GetPrimAtPath(self.setup.camera.GetPath())
+
+
+def edit_stage(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics) -> SearchedStage:
+    """Return the stage to traverse: the stage itself, or an edited copy.
+
+    Where an edit would change prims that it is not meant for, an isolated copy is edited instead.
+    """
+    count = len(diagnostics)
+    try:
+        return _edited(stage, settings, diagnostics)
+    except OpinionsLeak:
+        diagnostics.forget_after(count)
+    # Not while that is handled: what USD prints of an error in its callbacks would show it as the cause.
+    return _edited(isolated_copy(stage), settings, diagnostics)
+
+
+def _edited(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics) -> SearchedStage:
+    """Return the stage after its edits; raise OpinionsLeak if one would change prims that it is not meant for."""
+    if settings.render_pass is not None:
+        stage = with_render_pass(stage, settings.render_pass, diagnostics)
+    when = when_of(stage, settings.time_code)
+    searched = SearchedStage(stage, find_by_type(stage, diagnostics, settings.render_pass), when)
+    view, found = _ViewBeforeEdits(searched, settings), searched.found
+    if found.geometry_lights:
+        stage = with_geometry_lights(stage, found.geometry_lights, view.setup.ctx.purposes, when, diagnostics)
+        found = find_by_type(stage, Diagnostics())
+    if plates := find_back_plates(found.cameras):
+        stage = with_back_plates(stage, plates, view.rendered_camera, when, diagnostics)
+        found = find_by_type(stage, Diagnostics())
+    if any_drawn(stage, found.skeletons):
+        stage = posed_stage(stage, when, view.foreseen, diagnostics)
+        found = find_by_type(stage, Diagnostics())
+    if found.has_levels:
+        stage = with_levels_chosen(stage, view.camera_on(stage), when, diagnostics)
+        found = find_by_type(stage, Diagnostics())
+    return SearchedStage(stage, found, when)
+
+
+def may_be_edited(searched: SearchedStage) -> bool:
+    """Return whether a stage has prims of which some edit may be needed, render passes aside."""
+    found = searched.found
+    return bool(found.skeletons or found.geometry_lights or found.has_levels or find_back_plates(found.cameras))
+
 
 # The adapter table: the function that translates prims of each type. The walk expands point instancers itself
 # (adapters.point_instancer); cameras and render settings are not adapted where they are, but selected (view.py).

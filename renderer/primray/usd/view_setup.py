@@ -1,11 +1,12 @@
 """The second pass of a translation, the view: what the render settings and the user ask for, the camera, and when it exposes.
 
-Everything is known here that decides at what times, in what colour space and for which purposes values are read.
+Everything is known here that decides at what times, in what colour space and for which purposes values are read. Before it, one
+search of the stage and its native prototypes finds the prims that are needed by type, wherever they are.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from pxr import Usd
 
@@ -13,16 +14,81 @@ from ..aovs import VECTORS, AovRequest, names_instances, primvars_of, with_dista
 from ..diagnostics import Diagnostics
 from ..settings import RenderSettings
 from .camera.shutter import Shutter, motion_vector_shutter, render_timing, report_closed_shutter
-from .camera.view import estimate_view_through, exposure_times, select_camera
+from .camera.view import cameras_in_instances, estimate_view_through, exposure_times, select_camera
 from .lights.light_groups import light_groups
 from .materials.material_primvars import primvars_read
 from .render_settings.outputs import outputs_of
+from .render_settings.render_pass import report_ignored_render_pass
 from .render_settings.render_product import ProductSettings
 from .render_settings.render_settings import product_settings
 from .scene.color_spaces import rendering_space
 from .scene.context import Context
-from .scene.prims_by_type import SearchedStage
+from .scene.level_of_detail import LOD_ROOT
 from .stage.metadata import meters_per_unit
+from .stage.reads import has_schema, type_name
+from .stage.traversal import exists, is_in_world, populated, prims_in_instances
+from .stage.values import When
+
+# Types below which nothing is drawn: none of them is asked for levels of detail.
+_NEVER_DRAWN = frozenset({"Shader", "NodeGraph", "Material", "GeomSubset"})
+_TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot", "GeometryLight"})
+
+
+@dataclass
+class Found:
+    """Prims of some types; cameras and settings are those in the world."""
+
+    cameras: list[Usd.Prim] = field(default_factory=list)  # in the order of cameras_of
+    in_prototypes: bool = False  # some cameras are in native prototypes
+    lights_in_prototypes: bool = False  # some geometry lights are
+    has_levels: bool = False  # there are roots of levels of detail
+    settings: list[Usd.Prim] = field(default_factory=list)
+    geometry_lights: list[Usd.Prim] = field(default_factory=list)  # in the world
+    shaders: list[Usd.Prim] = field(default_factory=list)  # including those in native prototypes
+    skeletons: list[Usd.Prim] = field(default_factory=list)  # SkelRoots, including those in native prototypes
+
+
+@dataclass(frozen=True)
+class SearchedStage:
+    """A stage, the prims found on it, and the time to read it at."""
+
+    stage: Usd.Stage
+    found: Found
+    when: When
+
+
+def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics, render_pass: str | None = None) -> Found:
+    """Return the prims of these types. `render_pass` is the pass that is rendered; others are reported."""
+    found = Found()
+    for prim in populated(stage):
+        name = type_name(prim)
+        if name in _TYPES and exists(prim):
+            _add(found, prim, str(name), diagnostics, render_pass)
+        if not found.has_levels and name not in _NEVER_DRAWN and has_schema(prim, LOD_ROOT):
+            found.has_levels = True
+    if found.in_prototypes:
+        found.cameras += cameras_in_instances(stage)
+    if found.lights_in_prototypes:
+        found.geometry_lights += prims_in_instances(stage, "GeometryLight")
+    return found
+
+
+def _add(found: Found, prim: Usd.Prim, name: str, diagnostics: Diagnostics, render_pass: str | None) -> None:
+    if name == "Shader":
+        found.shaders.append(prim)
+    elif name == "SkelRoot":
+        found.skeletons.append(prim)
+    elif prim.IsInPrototype() or not is_in_world(prim):
+        found.in_prototypes |= name == "Camera"
+        found.lights_in_prototypes |= name == "GeometryLight"
+    elif name == "Camera":
+        found.cameras.append(prim)
+    elif name == "RenderSettings":
+        found.settings.append(prim)
+    elif name == "GeometryLight":
+        found.geometry_lights.append(prim)
+    elif render_pass is None:
+        report_ignored_render_pass(prim, diagnostics)
 
 
 @dataclass(frozen=True)

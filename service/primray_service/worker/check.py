@@ -15,8 +15,7 @@ from typing import Any, Protocol
 from primray.diagnostic_codes import CODES, Kind
 from primray.errors import AssetError, StageOpenError
 from primray.usd.inspect.layer_content import DAMAGED as DAMAGED_LAYER
-from primray.usd.inspect.layer_content import LayerContent, expansion, layer_content
-from primray.usd.inspect.nesting import nesting_depth
+from primray.usd.inspect.layer_content import LayerContent, expansion, layer_content, nesting_depth
 from primray.usd.inspect.scene_facts import MissingLayer, SceneFacts, layer_file, scene_facts
 from primray.usd.materials.materialx.documents import names_in
 from primray.usd.materials.materialx.substitute_layers import is_document

@@ -14,8 +14,7 @@ from typing import Any
 
 from primray.errors import StageOpenError
 from primray.usd import dependencies
-from primray.usd.inspect.layer_content import layer_content
-from primray.usd.inspect.nesting import nesting_depth
+from primray.usd.inspect.layer_content import layer_content, nesting_depth
 from primray.usd.inspect.scene_facts import scene_facts
 
 from ..limits import Limits

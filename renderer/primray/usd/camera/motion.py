@@ -13,8 +13,8 @@ from ...description import Camera, CameraMotion
 from ...diagnostics import Diagnostics
 from ..motion.attributes import bend_times, blur_scale_of, is_animated
 from ..motion.matrices import quaternions, rotation_matrices, slerp
-from ..motion.pixels import NEAREST
 from ..motion.sample_times import Steps, fractions, sample_times
+from ..motion.timing import NEAREST
 from ..render_settings.render_product import ProductSettings
 from ..scene.context import Context
 from ..stage.reads import property_names

@@ -24,8 +24,7 @@ from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, SettingsError
 from ...settings import MAX_RESOLUTION, AutoCamera, Eye, limit_pixels
 from ...settings.camera_choice import Matrix, flaws_of
-from ..motion.pixels import Foreseen, pixels_of
-from ..motion.timing import Rolling
+from ..motion.timing import Foreseen, Rolling, pixels_of
 from ..render_settings.render_product import ProductSettings
 from ..scene.bounds import Bounds
 from ..scene.context import Context
@@ -33,13 +32,12 @@ from ..stage.metadata import time_codes_per_second, up_axis
 from ..stage.reads import type_name
 from ..stage.traversal import prims_in_instances, world_prims
 from ..stage.values import When, token
-from .automatic import APERTURE, FOCAL_LENGTH, framing_camera, three_quarter_camera
+from .automatic import APERTURE, FOCAL_LENGTH, bound_camera, framing_camera, three_quarter_camera, viewport_camera
 from .camera import UNCLIPPED, Aperture, conform, pixel_aspect_ratio, read_aperture, read_camera, report_single_eye, window_of
 from .framed_objects import FramedObjects
 from .lens import with_lens_flaws
 from .motion import camera_when
 from .shutter import INSTANT, Shutter, line_exposures, render_timing, resolve_scan, resolve_shutter, whole_shutter
-from .viewport_camera import bound_camera, viewport_camera
 
 SAME_ASPECT = 1e-12  # relative: aspect ratios that differ in rounding only
 NAMED_CAMERAS = 10  # cameras in a message

@@ -1,2 +1,2 @@
-"""UsdGeomCurves as cubic Bezier curves: layout of values on curves (curve_set), conversion from each schema's form (basis,
-usd/nurbs/curves), reading of prims (authored, values) and the adapters for them."""
+"""UsdGeomCurves as cubic Bezier curves: layout of values on curves and conversion from basis and Hermite curves (bezier), from
+NURBS (nurbs), widths, normals and primvars (values), and the adapters."""

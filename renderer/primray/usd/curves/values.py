@@ -18,8 +18,7 @@ from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.reads import element_size, metadatum
 from ..stage.values import When, array, as_columns, value
-from .basis import Mask
-from .curve_set import EVENLY, CurveSet, Ints
+from .bezier import EVENLY, CurveSet, Ints, Mask
 
 STORMS_WIDTH = 1.0  # Hydra Storm's, if none is authored
 # Lines without widths are usually tool paths or guides, not tubes of unit width: they are drawn thin enough to cover a pixel or

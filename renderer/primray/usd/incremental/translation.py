@@ -16,16 +16,14 @@ from ...errors import PrimrayError
 from ...process_memory import without_collection
 from ...settings import RenderSettings
 from ..scene.context import Context
-from ..scene.prims_by_type import Found, SearchedStage, find_by_type
 from ..scene.translated_scene import Record, TranslatedScene
 from ..stage.messages import file_names
 from ..stage.open import usd_messages
 from ..stage.time_varying import changing, has_clips, has_time_values
 from ..stage.traversal import populated
 from ..stage.values import When, when_of
-from ..stage_edits import may_be_edited
-from ..translate import Assembled, assemble, finish, translate, with_names
-from ..view_setup import ViewSetup, set_up_view
+from ..translate import Assembled, assemble, finish, may_be_edited, translate, with_names
+from ..view_setup import Found, SearchedStage, ViewSetup, find_by_type, set_up_view
 from .updates import Changes, LeafUpdates, MaterialUpdates, UnknownEffect, affected_by, moved_leaves
 
 # Codes of messages from USD, whose subject is not known by a prim path.

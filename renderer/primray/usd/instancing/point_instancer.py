@@ -20,7 +20,7 @@ from ...description.placement import Names, PointInstances
 from ..motion.attributes import ArrayPath, Rows, bend_times, is_animated
 from ..motion.levels import MovingLevel, moving_level
 from ..motion.points import extrapolated_positions, may_have_motion, rates_of, report_unused, sample_mismatch
-from ..primvars.instance_primvars import instance_primvars
+from ..primvars.surface_primvars import instance_primvars
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.metadata import time_codes_per_second

@@ -30,7 +30,7 @@ from ..motion.sample_times import corners_of, fractions
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.reads import property_names
-from .portals import self_and_ancestors, world_from_prim
+from .light import self_and_ancestors, world_from_prim
 
 SIZES = ("inputs:radius", "inputs:width", "inputs:height", "inputs:length", "inputs:angle")
 SAME_SIZE = 1e-6

@@ -22,8 +22,17 @@ from ..primvars.reading import Primvar, Sizes, read_display_color
 from ..primvars.surface_primvars import read_primvars
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
-from .authored import AuthoredMesh, AuthoredSubdivision, Faces, Flags, Topology, hole_indices, usable_faces
-from .closed import report_inside_out, triangle_fans
+from .authored import (
+    AuthoredMesh,
+    AuthoredSubdivision,
+    Faces,
+    Flags,
+    Topology,
+    hole_indices,
+    report_inside_out,
+    triangle_fans,
+    usable_faces,
+)
 from .subsets import FaceParts, face_parts
 
 SCHEMES = ("catmullClark", "loop", "bilinear")

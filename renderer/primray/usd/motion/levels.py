@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from ...arrays import Doubles
 from ...description.placement import Instances, MatrixInstances, chunks, compose, transformed_box
-from .pixels import Foreseen
+from .timing import Foreseen
 
 Rows = Callable[[float], Doubles]  # offset from the frame -> (K, 3, 4)
 

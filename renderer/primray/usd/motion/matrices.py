@@ -16,9 +16,8 @@ from ...arrays import Doubles
 from ...description import MatrixInstances, MatrixMotion, MotionSteps, MovingInstances
 from ...description.placement import Box, Instances, Placement, all_names, named_levels, put_rotations, transformed_box
 from .levels import any_moves, product_at, times_of
-from .pixels import Pixels
 from .sample_times import Steps, corners_of, fractions, sample_times
-from .timing import Timing
+from .timing import Pixels, Timing
 
 MOST_EXAMINED = 4096  # instances of a placement that are examined: those with the largest errors
 WIDEST_TURN = np.radians(170.0)  # radians between two samples: the shorter direction must be unambiguous

@@ -1,25 +1,39 @@
 """Primvars that the surfaces of a shape read, by name: from the shape itself, or constant ones inherited from its ancestors.
 
-Primvars found in neither place are left out; instance primvars (instance_primvars) or the input's fallback then apply.
+Where neither has one, that of the instance applies, else the input's fallback. A point instancer's primvars with one value per
+instance (displayColor, displayOpacity and those that the stage's materials read) are constant at the root of each instance
+(UsdGeomPointInstancer, "Primvars on PointInstancer"). A primvar of the prototype itself, or one authored between it and the
+instancer, takes precedence.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
+from pxr import UsdGeom
 
 from ...aovs import WIDE
-from ...description import Interpolation, PatternInput, PrimvarInput, Surface, TextureInput
-from ...description import Primvar as SeamPrimvar
+from ...description import (
+    Interpolation,
+    PatternInput,
+    Placement,
+    PrimvarInput,
+    Prototype,
+    Shape,
+    Surface,
+    TextureInput,
+)
+from ...description import Primvar as DescribedPrimvar
 from ...description.shading import pattern_fallbacks, pattern_primvars
 from ..mesh.triangulate import Triangles
 from ..scene.context import Context
-from ..scene.inheritance import ResolvedPrim, element_count
+from ..scene.inheritance import Inherited, ResolvedPrim, element_count
+from ..stage.reads import interpolation
 from .reading import Primvar, Sizes, as_colors, finite_values, is_per_point, per_corner, read_raw_primvar, report_many_values
 
 NO_SIZES = Sizes(0, 0, 0)  # for shapes that take constant primvars only
@@ -48,19 +62,19 @@ def _primvar_of(reads: PrimvarInput | TextureInput) -> PrimvarInput:
 
 def mesh_primvars(
     prim: ResolvedPrim, surfaces: Collection[Surface], triangles: Triangles, sizes: Sizes, ctx: Context
-) -> tuple[SeamPrimvar, ...]:
+) -> tuple[DescribedPrimvar, ...]:
     """Return primvars per triangle, point or corner, as Mesh has them."""
     if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
         return ()
     return tuple(_on_triangles(name, found, triangles) for name, found in read_primvars(prim, surfaces, sizes, ctx))
 
 
-def constant_primvars(prim: ResolvedPrim, surfaces: Collection[Surface], ctx: Context) -> tuple[SeamPrimvar, ...]:
+def constant_primvars(prim: ResolvedPrim, surfaces: Collection[Surface], ctx: Context) -> tuple[DescribedPrimvar, ...]:
     """Return the constant primvars of a shape without points; those that vary over it are reported and left out."""
     if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
         return ()
     return tuple(
-        SeamPrimvar(name, Interpolation.CONSTANT, found.flat())
+        DescribedPrimvar(name, Interpolation.CONSTANT, found.flat())
         for name, found in read_primvars(prim, surfaces, NO_SIZES, ctx)
         if found.interpolation == "constant"
     )
@@ -151,17 +165,85 @@ def _handed_down(prim: ResolvedPrim, name: str, ctx: Context) -> Primvar | None:
     return None
 
 
-def _on_triangles(name: str, primvar: Primvar, triangles: Triangles) -> SeamPrimvar:
+def _on_triangles(name: str, primvar: Primvar, triangles: Triangles) -> DescribedPrimvar:
     if primvar.interpolation == "constant":
-        return SeamPrimvar(name, Interpolation.CONSTANT, primvar.flat())
+        return DescribedPrimvar(name, Interpolation.CONSTANT, primvar.flat())
     if primvar.interpolation == "uniform":
-        return SeamPrimvar(name, Interpolation.FACE, primvar.flat()[triangles.faces])
+        return DescribedPrimvar(name, Interpolation.FACE, primvar.flat()[triangles.faces])
     if is_per_point(primvar):
-        return SeamPrimvar(name, Interpolation.POINT, primvar.flat())
-    return SeamPrimvar(name, Interpolation.CORNER, per_corner(primvar, triangles))
+        return DescribedPrimvar(name, Interpolation.POINT, primvar.flat())
+    return DescribedPrimvar(name, Interpolation.CORNER, per_corner(primvar, triangles))
 
 
-def primvars_of_triangles(primvars: tuple[SeamPrimvar, ...], keep: npt.NDArray[np.bool_]) -> tuple[SeamPrimvar, ...]:
+def primvars_of_triangles(primvars: tuple[DescribedPrimvar, ...], keep: npt.NDArray[np.bool_]) -> tuple[DescribedPrimvar, ...]:
     """Return the primvars of a subset of triangles; `keep` is a (T,) mask."""
     rows = {Interpolation.FACE: keep, Interpolation.CORNER: np.repeat(keep, 3)}
     return tuple(replace(p, values=p.values[rows[p.interpolation]]) if p.interpolation in rows else p for p in primvars)
+
+
+# Primvars that shapes without a material read, with their number of components.
+_DISPLAY_PRIMVARS = {"displayColor": 3, "displayOpacity": 1}
+
+
+def instance_primvars(prim: ResolvedPrim, count: int, ctx: Context) -> tuple[DescribedPrimvar, ...]:
+    """Return every primvar that is not constant over the instancer, with one row per instance, hidden ones included."""
+    found = []
+    for name in sorted(prim.names & (ctx.primvars_read | {f"primvars:{shown}" for shown in _DISPLAY_PRIMVARS})):
+        attribute = prim.prim.GetAttribute(name)
+        if interpolation(UsdGeom.Primvar(attribute)) == "constant" or not attribute.HasAuthoredValue():
+            continue
+        primvar = read_raw_primvar(attribute, Sizes(1, count, count), prim, ctx)
+        if primvar is None:
+            continue
+        if name in ctx.color_primvars:
+            primvar = as_colors(primvar, attribute, prim, ctx)
+        short = name.removeprefix("primvars:")
+        if primvar.values.shape[1] != _DISPLAY_PRIMVARS.get(short, primvar.values.shape[1]):
+            ctx.warn(
+                "instance-primvar",
+                prim.path,
+                f"{name} has {primvar.values.shape[1]} numbers per instance, not {_DISPLAY_PRIMVARS[short]}: it is ignored.",
+                name,
+            )
+            continue
+        values = finite_values(primvar.flat(), name, prim, ctx)
+        if primvar.interpolation == "uniform":  # the whole value applies to each instance
+            values = np.repeat(values, count, axis=0)
+        found.append(DescribedPrimvar(short, Interpolation.INSTANCE, values))
+    return tuple(found)
+
+
+def without_overridden(handed: Inherited, names: Iterable[str]) -> Inherited:
+    """Return the inherited state for a prototype whose instances have their own values for the primvars of these names."""
+    given = frozenset(names)
+    if not given:
+        return handed
+    return replace(
+        handed,
+        color=None if "displayColor" in given else handed.color,
+        opacity=None if "displayOpacity" in given else handed.opacity,
+        primvars=tuple(item for item in handed.primvars if item[0] not in given),
+        per_instance=handed.per_instance | given,
+        hidden=handed.hidden - given,
+    )
+
+
+def without_unread_primvars(
+    placements: Sequence[Placement],
+    prototypes: Sequence[Prototype],
+    shapes: Sequence[Shape],
+    surfaces: Sequence[Surface],
+    others: Sequence[str] = (),
+) -> tuple[Placement, ...]:
+    """Return the placements without the primvars that no surface of their prototypes reads, except those named in `others`."""
+    return tuple(_without_unread(p, prototypes[p.prototype], shapes, surfaces, others) if p.primvars else p for p in placements)
+
+
+def _without_unread(
+    placement: Placement, prototype: Prototype, shapes: Sequence[Shape], surfaces: Sequence[Surface], others: Sequence[str]
+) -> Placement:
+    if prototype.placements:
+        return placement
+    used = {int(s) for placed in prototype.shapes for s in np.unique(shapes[placed.shape].surface) if s >= 0}
+    wanted = {*names_read(surfaces[i] for i in used), *others}
+    return replace(placement, primvars=tuple(p for p in placement.primvars if p.name in wanted))

@@ -20,7 +20,7 @@ from ..lights.geometry_light import with_light, without_material
 from ..lights.motion import with_motion, with_moving_portals
 from ..motion.levels import ShapePlacements, any_moves
 from ..motion.matrices import MotionPrecision, with_sampled_motion
-from ..motion.pixels import pixels_of
+from ..motion.timing import pixels_of
 from ..stage.messages import tf_message
 from ..stage.traversal import is_in_world
 from ..stage.values import square

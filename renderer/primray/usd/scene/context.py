@@ -19,8 +19,7 @@ from ...textures.ies import IesFile
 from ..lights.light_groups import NO_GROUPS, LightGroups
 from ..materials.translated_material import Material
 from ..motion.levels import ShapePlacements
-from ..motion.pixels import UNSEEN, Foreseen
-from ..motion.timing import AT_FRAME, Timing
+from ..motion.timing import AT_FRAME, UNSEEN, Foreseen, Timing
 from ..shapes.tessellate import Tessellated
 from ..stage.values import When
 

@@ -21,7 +21,7 @@ from ..lights.light_links import Links
 from ..materials.bound_materials import NativePrototype, bind_shapes, binding_key, bindings_of, bound_individually
 from ..motion.attributes import animated_operations, bend_times, local_transform
 from ..motion.levels import Local, Mover, MovingLevel, level_of
-from ..primvars.instance_primvars import without_overridden
+from ..primvars.surface_primvars import without_overridden
 from ..shapes.draw_mode import draw_mode_of
 from ..shapes.implicit import animated_sphere
 from ..shapes.points import POINT, sphere_instances

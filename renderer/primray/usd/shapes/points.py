@@ -15,8 +15,7 @@ from ..materials.appearance import appearance_of, is_cut_out, make_surface, undi
 from ..motion.attributes import ArrayPath, is_animated
 from ..motion.levels import moving_level
 from ..motion.points import PointPath, point_path, sampled_point_path
-from ..primvars.instance_primvars import instance_primvars
-from ..primvars.surface_primvars import constant_primvars
+from ..primvars.surface_primvars import constant_primvars, instance_primvars
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.values import array, read

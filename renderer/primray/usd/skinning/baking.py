@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from pxr import Gf, Sdf, Usd
 
 from ...diagnostics import Diagnostics
-from ..motion.pixels import Foreseen
+from ..motion.timing import Foreseen
 from ..stage.edits import check_reach, temporarily_defined
 from ..stage.open import scratch_copy
 from ..stage.reads import FAILURES, authored_attributes, why

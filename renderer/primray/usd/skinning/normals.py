@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from pxr import Gf, Usd, UsdGeom, Vt
 
-from ..curves.basis import BEZIER, basis_curves
+from ..curves.bezier import BEZIER, basis_curves
 from ..mesh.tet_mesh import surface_of
 from ..stage.reads import default_value, interpolation, normals_interpolation, world_transform
 from ..stage.values import array

@@ -19,8 +19,8 @@ from pxr import Usd, UsdGeom
 
 from ...arrays import Doubles
 from ..motion.attributes import bend_times, blur_scale_of, is_animated
-from ..motion.pixels import Foreseen
 from ..motion.sample_times import Steps, corners_of, sample_times
+from ..motion.timing import Foreseen
 from ..stage.reads import default_value, property_names, targets, value_at, world_transform
 from ..stage.time_varying import earliest_if_unset, number_of
 from ..stage.values import When, array, matrix

@@ -11,7 +11,7 @@ from primray.arrays import Doubles
 from primray.description import Direction, Interpolation, Mesh, NurbsPatch, PointMotion, Primvar
 from primray.tessellation.nurbs.evaluation import bases
 from primray.tessellation.nurbs.patches import Fineness, dice_patches
-from primray.usd.mesh.closed import is_closed
+from primray.usd.mesh.authored import is_closed
 
 from .known_patches import AROUND, STRAIGHT, areas, cone, diced, plane, seen, sphere, torus
 

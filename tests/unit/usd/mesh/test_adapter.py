@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from primray.description import Mesh, SceneDescription
-from primray.usd.mesh.closed import is_closed
+from primray.usd.mesh.authored import is_closed
 
 from ..usd_text import translate_text
 

@@ -10,7 +10,7 @@ from tests.translation.describe import describe
 from primray.description import Mesh
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.mesh.closed import is_closed
+from primray.usd.mesh.authored import is_closed
 from primray.usd.mesh.tet_mesh import Tetrahedra, surface_of
 
 from ..usd_text import stage_of, translate_text

@@ -12,7 +12,7 @@ from primray import core
 from primray.description import Mesh, Sphere, SubdivisionMesh
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.mesh.closed import is_closed
+from primray.usd.mesh.authored import is_closed
 
 from ..usd_text import stage_of, translate_text
 

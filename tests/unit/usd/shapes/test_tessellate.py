@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from primray.description import Mesh
-from primray.usd.mesh.closed import is_closed
+from primray.usd.mesh.authored import is_closed
 from primray.usd.shapes.tessellate import Tessellated, capsule, cone, cube, cylinder, plane
 
 from ..usd_text import translate_text

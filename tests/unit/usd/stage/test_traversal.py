@@ -9,9 +9,9 @@ from pxr import Usd
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd import camera_paths, products, translate
-from primray.usd.scene.prims_by_type import find_by_type
 from primray.usd.stage.edits import temporarily_defined
 from primray.usd.stage.traversal import instanced_roots, is_in_world
+from primray.usd.view_setup import find_by_type
 
 from ..skinned_text import character
 from ..usd_text import stage_of, translate_text

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from primray.usd.inspect.nesting import nesting_depth, nesting_of
+from primray.usd.inspect.layer_content import nesting_depth, nesting_of
 
 MOST = 10**9
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from primray.usd.curves.basis import BEZIER, BSPLINE, CATMULL_ROM, basis_curves
-from primray.usd.curves.curve_set import CurveSet
+from primray.usd.curves.bezier import BEZIER, BSPLINE, CATMULL_ROM, CurveSet, basis_curves
 
 TABLE = [
     ("linear", BEZIER, "nonperiodic", [2, 3, 2, 5], [1, 2, 1, 4], [2, 3, 2, 5]),

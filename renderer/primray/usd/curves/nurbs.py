@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Doubles, Floats
-from ..curves.basis import Mask
-from ..curves.curve_set import CurveSet, Ints
 from ..primvars.reading import Sizes
+from .bezier import CurveSet, Ints, Mask
 
 TOLERANCE = 1e-6
 BREAK = 1e-4  # of the curve's size: a knot of full multiplicity may break a curve

@@ -7,8 +7,8 @@ import pytest
 
 from primray.description import Interpolation, MatrixInstances, PointInstances, Primvar
 from primray.description.placement import IDENTITY, Instances
-from primray.usd.instancing import coincident
-from primray.usd.instancing.coincident import without_coincident
+from primray.usd.instancing import instances
+from primray.usd.instancing.instances import without_coincident
 
 RNG = np.random.default_rng(0)
 POSITIONS = RNG.integers(0, 3, (500, 3)).astype(np.float32)  # 27 places
@@ -52,7 +52,7 @@ def test_signed_zeros_are_equal() -> None:
 
 
 def test_equal_hashes_of_different_rows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coincident, "_row_hashes", lambda columns: np.zeros(len(columns[0]), np.uint64))
+    monkeypatch.setattr(instances, "_row_hashes", lambda columns: np.zeros(len(columns[0]), np.uint64))
     level = PointInstances(IDENTITY, np.arange(300, dtype=np.float32).reshape(100, 3))
     assert without_coincident(level) is level
 

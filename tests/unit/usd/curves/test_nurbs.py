@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from primray.description import Curves
-from primray.usd.curves.curve_set import CurveSet
-from primray.usd.nurbs.curves import nurbs_curves
+from primray.usd.curves.bezier import CurveSet
+from primray.usd.curves.nurbs import nurbs_curves
 
-from ..curves.test_basis import point_at
 from ..usd_text import translate_text
+from .test_bezier import point_at
 
 HALF = 0.5**0.5
 CIRCLE = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)], np.float32)

@@ -1,1 +1,0 @@
-"""NURBS patches and curves: reading and validation of prims, and their adapters."""
