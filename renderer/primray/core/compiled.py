@@ -13,5 +13,4 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if not hasattr(module(), name):
         raise AttributeError(f"the compiled core has no {name!r}: if it is older than these sources, `make setup` compiles it")
-    globals()[name] = found = getattr(module(), name)
-    return found
+    return getattr(module(), name)
