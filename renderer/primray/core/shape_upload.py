@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -17,10 +18,12 @@ from ..description.geometry import is_paired
 from ..description.motion import handed_over
 from ..description.placement import transformed_boxes
 from . import compiled
-from .light_upload import LightUpload
 from .scene_record import SceneRecord, ShapeRows
 from .single_precision import FARTHEST, OUTLYING, Flags, representable_triangles
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
+
+if TYPE_CHECKING:
+    from .light_upload import LightUpload
 
 NO_FLOATS = np.zeros((0, 3), np.float32)
 

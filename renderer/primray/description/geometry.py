@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Doubles, Floats, Ints
-from .lighting import Light
-from .motion import PointMotion
+
+if TYPE_CHECKING:
+    from .lighting import Light
+    from .motion import PointMotion
 
 
 class Interpolation(Enum):

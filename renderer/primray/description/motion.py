@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Doubles, Floats
-from ..camera import Camera
+
+if TYPE_CHECKING:
+    from ..camera import Camera
 
 SAME_TIME = 1e-7  # of the span
 

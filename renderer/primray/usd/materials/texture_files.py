@@ -7,6 +7,7 @@ ColorSpaceAPI (which covers files, too: OpenUSD's Color User's Guide) unless sou
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from pxr import Sdf, Usd
 
@@ -14,11 +15,13 @@ from ...color.color_space import SRGB, ColorSpace, matrix
 from ...description import TextureFile
 from ..scene.color_spaces import authored_space, scope_at, space_named
 from ..scene.context import Context
-from ..scene.inheritance import ResolvedPrim
 from ..stage.reads import color_space_name
 from ..stage.values import time_of
 from .materialx.filename_tokens import Frames, frames_of, has_frame_token, is_tiles, resolved, tile_paths, with_frame
 from .network import Constant, Node, find_source, node_path, numbers, parameter, text
+
+if TYPE_CHECKING:
+    from ..scene.inheritance import ResolvedPrim
 
 # Nodes that pass a file name on, and the input that has it.
 _NAMING = {"ND_constant_filename": "value", "ND_dot_filename": "in"}

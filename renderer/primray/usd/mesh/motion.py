@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from .authored import LARGEST, AuthoredMesh, read_normals
 from .polygons import PolygonMotion, Polygons, Values, normals_of
-from .subdivision import Cage
+
+if TYPE_CHECKING:
+    from .subdivision import Cage
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

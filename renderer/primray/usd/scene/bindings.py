@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from pxr import Sdf, Tf, Usd, UsdShade
 
 from ..stage.messages import tf_message
 from ..stage.reads import default_value, metadatum, property_names, targets, type_name
 from ..stage.traversal import EXISTING_IN_INSTANCES, children
-from .context import CollectionBindings, Context
+
+if TYPE_CHECKING:
+    from .context import CollectionBindings, Context
 
 BINDING = "material:binding"
 NO_MATERIAL = "which is not a Material"

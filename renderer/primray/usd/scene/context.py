@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pxr import Sdf, Usd
 
@@ -17,11 +17,13 @@ from ...diagnostics import Diagnostic, Diagnostics
 from ...settings import RenderSettings
 from ...textures.ies import IesFile
 from ..lights.light_groups import NO_GROUPS, LightGroups
-from ..materials.translated_material import Material
-from ..motion.levels import ShapePlacements
 from ..motion.timing import AT_FRAME, UNSEEN, Foreseen, Timing
 from ..shapes.tessellate import Tessellated
 from ..stage.values import When
+
+if TYPE_CHECKING:
+    from ..materials.translated_material import Material
+    from ..motion.levels import ShapePlacements
 
 
 class SurfaceTable:
