@@ -11,7 +11,7 @@ from pxr import Usd
 import primray
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
-from primray.studio.additions import BLOCK, DARK_RADIANCE, lit_share
+from primray.studio.additions import DARK_RADIANCE
 from primray.usd import translate
 
 CAMERA = """
@@ -120,12 +120,3 @@ def test_on_adds_it_beside_the_stages_lights() -> None:
     assert body_of(image) == pytest.approx(body_of(rendered(BODY + lit)) + body_of(rendered(BODY)), rel=0.1)
     with pytest.raises(SettingsError, match="default_light is off"):
         RenderSettings(default_light=False, studio_light="on")
-
-
-def test_shares_are_of_the_coverage() -> None:
-    pixels = np.zeros((2 * BLOCK, 4 * BLOCK, 4), np.float32)
-    assert lit_share(pixels) is None
-    pixels[:, : 3 * BLOCK, 3] = 1
-    pixels[:BLOCK, :BLOCK, 2] = DARK_RADIANCE * 1.01
-    pixels[BLOCK:, BLOCK : 2 * BLOCK, :3] = DARK_RADIANCE * 0.99
-    assert lit_share(pixels) == pytest.approx(1 / 6)

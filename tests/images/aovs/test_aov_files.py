@@ -18,7 +18,7 @@ from primray.checkpoints.checkpointing import Checkpointing
 from primray.checkpoints.merge import merge
 from primray.cli import run
 from primray.errors import LimitError, SettingsError
-from primray.images.exr_parts import MOST_IDS, ids_text, read_aovs
+from primray.images.exr_parts import read_aovs
 from primray.images.reading import read_measured
 from primray.settings import RenderSettings
 
@@ -105,12 +105,6 @@ def test_without_aovs_a_file_has_one_part_as_ever(tmp_path: Path) -> None:
     assert not file.seek_subimage(1, 0)
     assert not file.spec(0).get_string_attribute("oiio:subimagename")
     assert read_aovs(path) == {}
-
-
-def test_long_lists_of_ids_are_cut_and_counted() -> None:
-    text = json.loads(ids_text({n: f"/a{n}" for n in range(1, MOST_IDS + 11)}))
-    assert len(text) == MOST_IDS + 1
-    assert text[""] == "and 10 more"
 
 
 @pytest.mark.conforms("RenderProduct.orderedVars", "RenderVar.dataType", "RenderVar.sourceName", "RenderVar.sourceType")

@@ -11,7 +11,7 @@ import pytest
 
 import primray
 from primray.checkpoints.checkpointing import Checkpointing
-from primray.images.cryptomatte import hash_of, murmur_hash
+from primray.images.cryptomatte import hash_of
 
 FEATURES = Path(__file__).resolve().parents[3] / "scenes" / "features"
 SOURCES = ("crypto_object", "crypto_material", "crypto_asset")
@@ -56,16 +56,6 @@ def masks(aov: Any) -> dict[int, np.ndarray[Any, Any]]:
     for number in np.unique(ids[shares > 0]).tolist():
         found[number] = np.where(ids == number, shares, 0).sum(axis=2)
     return found
-
-
-def test_hashes_are_the_specifications() -> None:
-    """Known values of MurmurHash3_x86_32; no id is an infinity, a NaN or a number below the usual ones."""
-    assert murmur_hash(b"") == 0
-    assert murmur_hash(b"hello") == 0x248BFA47
-    assert murmur_hash(b"hello, world") == 0x149BBB7F
-    floats = np.array([hash_of(str(n)) for n in range(20_000)], np.uint32).view(np.float32)
-    assert np.isfinite(floats).all()
-    assert (np.abs(floats) >= np.finfo(np.float32).tiny).all()
 
 
 @pytest.mark.parametrize(

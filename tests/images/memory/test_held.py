@@ -18,7 +18,7 @@ from tests.bench.setup.memory import GENERATED, grid
 from primray import RenderSettings, render
 from primray.denoising.denoiser import has_denoiser
 from primray.errors import LimitError
-from primray.process_memory import CODE, _cgroup_limits, available_bytes
+from primray.process_memory import CODE
 
 MIB = 2**20
 # Starts a process whose peak is its own: one that is forked from a large one begins with that one's (getrusage(2)).
@@ -169,19 +169,3 @@ def test_acceleration_structures_that_do_not_fit_are_refused(stages: Path, monke
         render(stage, settings)
     assert error.value.code == CODE
     assert render(stage, replace(settings, max_memory_bytes=None)).report["interrupted"] is False
-
-
-def test_limits_of_cgroups_are_found_up_to_the_root(tmp_path: Path) -> None:
-    own = tmp_path / "own"
-    own.write_text("9:name=systemd:/\n4:memory,cpu:/a/b\n0::/x/y\n")
-    for folder, name, text in (
-        ("memory/a", "memory.limit_in_bytes", "4000\n"),
-        ("memory/a/b", "memory.limit_in_bytes", "9000\n"),
-        ("x", "memory.max", "3000\n"),
-        ("x/y", "memory.max", "max\n"),
-    ):
-        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
-        (tmp_path / folder / name).write_text(text)
-    assert sorted(_cgroup_limits(tmp_path, own)) == [3000, 4000, 9000]
-    assert list(_cgroup_limits(tmp_path, tmp_path / "none")) == []
-    assert 0 < available_bytes() <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
