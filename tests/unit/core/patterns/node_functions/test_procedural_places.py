@@ -25,7 +25,7 @@ from primray.description import (
     Surface,
 )
 
-from .pictured import Graph, Rows, emitting
+from ..pictured import Graph, Rows, emitting
 
 SIZE = 8
 

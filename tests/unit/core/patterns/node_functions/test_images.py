@@ -11,9 +11,9 @@ from tests import described
 
 from primray.description import Floats, NodeOutput, Operand, Pattern, TextureFile
 
-from .oracle.numbers import Rows
-from .pictured import Graph, Strip, emitting, render_strips
-from .test_places import plane, st
+from ..oracle.numbers import Rows
+from ..pictured import Graph, Strip, emitting, render_strips
+from .test_procedural_places import plane, st
 
 FILE = TextureFile("file", "raw")
 MISSING = TextureFile("missing", "raw")

@@ -10,7 +10,7 @@ import pytest
 from primray.cli import run
 from primray.settings import SAMPLE_BLOCK
 
-STAGE = str(Path(__file__).parents[3] / "scenes/features/implicit-shapes/scene.usda")
+STAGE = str(Path(__file__).parents[4] / "scenes/features/implicit-shapes/scene.usda")
 SMALL = ["render", STAGE, "--res", "16", "8", "--spp", "4", "-o", "o.exr"]
 
 

@@ -14,7 +14,7 @@ from primray.description import Interpolation, Mesh
 from primray.settings import RenderSettings
 from primray.usd import translate
 
-from .usd_text import stage_of, translate_text
+from ..usd_text import stage_of, translate_text
 
 
 def conforms(row: str, *values: Any, state: str = "honoured") -> Any:

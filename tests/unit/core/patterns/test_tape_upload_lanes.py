@@ -12,9 +12,9 @@ from tests.described import Described
 from primray.description import LightType, NodeOutput, PatternInput, Surface
 
 from .library import primitives
+from .node_functions.test_math_nodes import graph_of, meant
+from .node_functions.test_procedural_places import plane, st
 from .pictured import Graph, emitting, evaluate
-from .test_every_node import graph_of, meant
-from .test_places import plane, st
 
 
 @pytest.mark.parametrize("isa", described.ISAS)

@@ -13,8 +13,8 @@ from primray.core.patterns.tape_upload import SharedInputs, TooLargeError, tape_
 from primray.core.scene_upload import upload
 from primray.description import NodeOutput, Pattern, PatternInput, PatternNode, Surface
 
+from .node_functions.test_procedural_places import plane
 from .pictured import Graph, emitting
-from .test_places import plane
 
 NO_FLOATS = np.zeros(0, np.float32)
 

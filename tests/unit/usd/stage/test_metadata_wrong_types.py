@@ -12,9 +12,9 @@ from primray.errors import PrimrayError
 from primray.settings import RenderSettings
 from primray.usd import open_stage, stage_facts, translate
 
-from .crates import Crate, crate_of, words
-from .fields import STAGE_METADATA, base, of_stage
-from .tried import Outcomes, defects, tried
+from ..wrong_types.crates import Crate, crate_of, words
+from ..wrong_types.fields import STAGE_METADATA, base, of_stage
+from ..wrong_types.tried import Outcomes, defects, tried
 
 QUICK = ("float", "string", "int", "token[]")
 # What changes neither picture nor times here, and is read by nobody.

@@ -14,12 +14,12 @@ from primray.core.patterns.tape_upload import NO_MEANING, NODES
 from primray.description import NodeOutput, Operand
 from primray.description.shading import TRANSFORM_2D, UV_TEXTURE
 
-from .library import Definition, primitives
-from .oracle.matrices import of_matrices
-from .oracle.noises import of_noises
-from .oracle.numbers import NUMBERS, Inputs
-from .oracle.physical import PHYSICAL
-from .pictured import Case, Graph, Rows, evaluate
+from ..library import Definition, primitives
+from ..oracle.matrices import of_matrices
+from ..oracle.noises import of_noises
+from ..oracle.numbers import NUMBERS, Inputs
+from ..oracle.physical import PHYSICAL
+from ..pictured import Case, Graph, Rows, evaluate
 
 Numbers = npt.NDArray[np.float32]
 COUNT = 48

@@ -9,10 +9,10 @@ from tests import described
 from primray.core.patterns.program import WIDTHS
 from primray.description import Floats, Operand
 
-from .library import primitives
-from .oracle import hextiles
-from .oracle.numbers import Rows
-from .pictured import Case, Graph, evaluate
+from ..library import primitives
+from ..oracle import hextiles
+from ..oracle.numbers import Rows
+from ..pictured import Case, Graph, evaluate
 from .test_images import FILE, bilinear, texels
 
 COUNT = 64
