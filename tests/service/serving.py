@@ -40,8 +40,10 @@ class RunningServer:
         return client
 
     def failures(self) -> list[str]:
-        """What its log tells of exceptions that nobody answers for: in a line of JSON they are a structure, not a traceback."""
-        return [line for line in self.log.read_text().splitlines() if "Traceback" in line or '"exception": [' in line]
+        """What its log says of exceptions that nobody answers for: in a line of JSON they are a structure, not a traceback."""
+        lines = self.log.read_text().splitlines()
+        starts = [i for i, line in enumerate(lines) if "Traceback" in line or '"exception": [' in line]
+        return ["\n".join(lines[i : i + 40]) if "Traceback" in lines[i] else lines[i] for i in starts]
 
     def stop(self, number: int = signal.SIGTERM, timeout_s: float = 20.0) -> int:
         """Its exit code."""

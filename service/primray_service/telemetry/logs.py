@@ -12,6 +12,7 @@ from collections.abc import Mapping, MutableMapping
 from typing import Any, TextIO
 
 import structlog
+import structlog.tracebacks
 
 # Secrets that must never be logged, however they came into a value: our keys, bearer tokens, webhook secrets, passwords in
 # URLs.
@@ -32,7 +33,8 @@ def configure(as_json: bool | None = None, stream: TextIO | None = None, level: 
     ]
     if as_json:
         last: list[Any] = [
-            structlog.processors.dict_tracebacks,
+            # Without the frames' variables: they hold bodies, and their repr may raise.
+            structlog.processors.ExceptionRenderer(structlog.tracebacks.ExceptionDictTransformer(show_locals=False)),
             without_secrets,
             structlog.processors.JSONRenderer(ensure_ascii=False),
         ]

@@ -28,6 +28,15 @@ def _logging_as_it_was() -> Any:
     structlog.reset_defaults()
 
 
+class Unprintable:
+    def __repr__(self) -> str:
+        raise RuntimeError("it changes while it is shown")
+
+
+def _fail(body: str, other: Unprintable) -> None:
+    raise ValueError("primray_" + "Ab1-" * 11)
+
+
 @pytest.mark.usefixtures("_logging_as_it_was")
 def test_the_log_is_a_line_of_json_without_secrets() -> None:
     stream = io.StringIO()
@@ -35,7 +44,7 @@ def test_the_log_is_a_line_of_json_without_secrets() -> None:
     structlog.get_logger("x").info("request", **SECRETS, job_id="job_1")
     logging.getLogger("uvicorn.error").warning("from elsewhere: %s", "Bearer abcdef")
     try:
-        raise ValueError("primray_" + "Ab1-" * 11)
+        _fail("the body of a request", Unprintable())
     except ValueError:
         structlog.get_logger("x").exception("failed")
     lines = [json.loads(line) for line in stream.getvalue().splitlines()]
@@ -44,7 +53,7 @@ def test_the_log_is_a_line_of_json_without_secrets() -> None:
     assert lines[0]["detail"] == "sent [hidden] and [hidden] to postgresql+psycopg://[hidden]@db/x"
     assert lines[0]["nested"] == {"cookie": "[hidden]", "list": ["[hidden]", {"key": "[hidden]"}]}
     assert lines[2]["exception"][0]["exc_type"] == "ValueError"
-    for secret in ("abc.def", "Ab1-", "whsec_", "user:pass", "xyz", "session=1"):
+    for secret in ("the body of a request", "abc.def", "Ab1-", "whsec_", "user:pass", "xyz", "session=1"):
         assert secret not in stream.getvalue()
 
 
