@@ -19,8 +19,7 @@ from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.images.exposure import View, exposure_that_serves, view_fault
 from primray.settings import RenderSettings
-from primray.studio import with_requested_additions
-from primray.studio.additions import GROUND
+from primray.staging import GROUND, with_requested_additions
 from primray.usd import translate
 
 FFMPEG = shots._program()  # before a test hides it from PATH

@@ -11,7 +11,7 @@ from pxr import Usd
 import primray
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
-from primray.studio.additions import DARK_RADIANCE
+from primray.staging import DARK_RADIANCE
 from primray.usd import translate
 
 CAMERA = """

@@ -317,7 +317,7 @@ def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str
     names = ", ".join(files) or "not written"
     lines = [_error_line(report)]
     if "left_out" in report:
-        from ..report.left_out import left_out_lines
+        from ..report.picture_checks import left_out_lines
 
         lines += left_out_lines(report)
     if "view_exposure" in report:
@@ -342,7 +342,7 @@ def _error_line(report: dict[str, Any]) -> str:
         what = "target" if report["settings"]["stop_at"] == "picture" else "target of the denoised picture"
         met = "reached" if report["stop"]["target_met"] else "NOT reached"
         line += f", {what} {target:g} {met}"
-    from ..report.vague_error import why_it_continued
+    from ..report.picture_checks import why_it_continued
 
     explained = [report["error_ruled_by"]["message"]] if "error_ruled_by" in report else []
     explained += [why] if (why := why_it_continued(report)) else []

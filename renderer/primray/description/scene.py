@@ -67,7 +67,7 @@ class SceneDescription:
     file: PictureFile = PLAIN  # EXR options of the stage's render product
     asked: StageSettings = NOTHING_ASKED  # render settings from the stage
     # Surfaces emit and there are no lights: a small test render decides whether a studio light is added
-    # (studio/additions.py).
+    # (staging.py).
     may_need_light: bool = False
 
     @property

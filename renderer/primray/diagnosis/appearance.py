@@ -11,7 +11,7 @@ from ..description import Surface
 from ..diagnostic_codes import CODES, Kind, Severity
 from ..images.exposure import View, view_fault
 from ..images.image import MISSING_TEXTURES
-from ..report.emptiness import IMAGES, why_empty
+from ..report.picture_checks import IMAGES, why_empty
 from .examination import Examined, Finding, Question, bare_shapes
 
 SMALL_SHARE = 0.01  # fraction of the pixels

@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import Doubles
 from ..description import LightType, Mesh, NurbsPatch, SubdivisionMesh
 from ..process_memory import machine_bytes
-from ..report.vague_error import weighed_errors
+from ..report.picture_checks import weighed_errors
 from ..sampling.sampling import Sampling
 from ..settings import Metric
 from .examination import Examined, Finding, Question

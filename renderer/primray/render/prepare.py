@@ -111,7 +111,7 @@ def _prepare(
             check_memory(description, settings, [size for size in sizes if size], film_copies=int(fingerprinted))
         description, textures = steps.load_textures(description, diagnostics, settings)
         if settings.dome is not None:
-            from ..studio import require_dome
+            from ..staging import require_dome
 
             require_dome(description, settings, diagnostics)
         diagnostics.raise_if_refused(settings.refusal)
@@ -127,7 +127,7 @@ def _prepare(
 
     ground_shadow = None
     if settings.ground is Ground.SHADOW:
-        from ..studio.ground_shadow import GroundShadow
+        from ..staging import GroundShadow
 
         ground_shadow = GroundShadow(description, dict(textures), settings)
     if settings.metric is Metric.DISPLAY:
@@ -238,7 +238,7 @@ def with_additions(description: SceneDescription, settings: RenderSettings, diag
     if all(getattr(settings, name) == value for name, value in STAGING.items()):
         return description
     from ..images.background import background_of
-    from ..studio import with_requested_additions
+    from ..staging import with_requested_additions
 
     background_of(settings.background)  # raises before anything is sampled
     return with_requested_additions(description, settings, diagnostics)
@@ -338,7 +338,7 @@ class Steps:
         if not description.may_need_light:
             return description
         from .. import core
-        from ..studio import with_studio_where_dark
+        from ..staging import with_studio_where_dark
 
         def build(small: SceneDescription, quick: RenderSettings) -> CoreScene:
             diced, _ = core.dice(small, quick, textures)

@@ -223,9 +223,8 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     """Return the image of a render that has ended, with its report; diagnostics of sampling are added to `diagnostics`."""
     from ..diagnostics import kept_without
     from ..images.image import Foreground, Image, pixels_sha256
-    from ..report.emptiness import is_bare, is_empty, why_empty
+    from ..report.picture_checks import is_bare, is_empty, what_rules, why_empty
     from ..report.report import header_of, make_report, subject_of
-    from ..report.vague_error import what_rules
 
     film, failed = sampling.film, (costs.checkpoint or {}).get("failed")
     if failed:
@@ -291,7 +290,7 @@ def _backdrop(prepared: Prepared, sampling: Sampling, costs: Costs) -> Backdrop 
 
     opacity = denoised = None
     if shadow is not None:
-        from ..studio.ground_shadow import Spent
+        from ..staging import Spent
 
         film = sampling.film
         with costs.stage("ground_shadow"):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..core import CoreScene
     from ..description import Camera, Frame
     from ..description.picture_file import PictureFile
-    from ..studio.ground_shadow import GroundShadow
+    from ..staging import GroundShadow
 
 
 @dataclass(frozen=True)

@@ -161,7 +161,7 @@ def _left_out(film: Film, settings: RenderSettings, space: ColorSpace) -> dict[s
     """Return the light that was left out of the picture, if a setting asked for a bias."""
     if all(getattr(settings, name) == none for name, none in BIAS.items()):
         return {}
-    from .left_out import left_out
+    from .picture_checks import left_out
 
     return {"left_out": left_out(film, settings, space)}
 

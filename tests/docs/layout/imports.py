@@ -33,7 +33,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
     "scene description": ("color", "description", "photometry"),
     "translation": ("textures", "tessellation", "usd"),
     "core": ("core",),
-    "rendering": ("sampling", "studio", "images", "denoising", "report", "checkpoints", "distributed", "render"),
+    "rendering": ("sampling", "staging", "images", "denoising", "report", "checkpoints", "distributed", "render"),
     "tools": ("diagnosis", "incremental", "live", "compare"),
     "command line": ("cli",),
 }

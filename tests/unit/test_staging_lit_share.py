@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from primray.studio.additions import BLOCK, DARK_RADIANCE, lit_share
+from primray.staging import BLOCK, DARK_RADIANCE, lit_share
 
 
 def test_shares_are_of_the_coverage() -> None:
