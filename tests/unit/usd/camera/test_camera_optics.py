@@ -5,31 +5,20 @@ from __future__ import annotations
 import math
 
 import pytest
-from pxr import Usd, UsdGeom
+from pxr import UsdGeom
+from tests.unit.usd.camera.optics_text import (
+    MOVING,
+    SHUTTER,
+    camera_of,
+    exposed,
+    only,
+    stage_with,
+)
 
-from primray.description import Camera, SceneDescription
 from primray.settings import RenderSettings
 from primray.usd import translate
 
 from ..usd_text import stage_of
-
-Codes = list[tuple[str, str]]
-
-
-def camera_of(body: str, settings: str = "") -> tuple[Camera, Codes]:
-    """The camera, and (code, attribute) of what there is to say of it."""
-    text = f'def Camera "eye"\n{{\n{body}\n}}\n'
-    if settings:
-        text += f'def RenderSettings "settings"\n{{\nrel camera = </eye>\n{settings}\n}}\n'
-    description, diagnostics = translate(stage_of(text), RenderSettings(camera="/eye"))
-    return description.camera, [(d.code, d.attribute) for d in diagnostics if d.prim_path == "/eye"]
-
-
-def only(body: str, settings: str = "") -> Camera:
-    camera, codes = camera_of(body, settings)
-    assert codes == []
-    return camera
-
 
 LENS = "float fStop = 2\nfloat focusDistance = 9\nfloat focalLength = 80\n"
 
@@ -188,8 +177,6 @@ def test_stereo(role: str) -> None:
 
 # The shutter, and what moves while it is open.
 
-SHUTTER = "double shutter:open = -0.25\ndouble shutter:close = 0.25\n"
-
 
 @pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close")
 def test_shutter() -> None:
@@ -214,114 +201,7 @@ def test_no_motion_blur(name: str, instant: float) -> None:
     assert found.static[0].matrix[0, 3] == 0.5 + instant / 10
 
 
-EYE = f"""def Xform "rig"
-{{
-    def Camera "eye"
-    {{
-        {SHUTTER}
-    }}
-    def Camera "other"
-    {{
-        float focalLength.timeSamples = {{ 0: 1, 10: 2 }}
-    }}
-}}
-"""
 SAMPLES = ".timeSamples = { 0: FROM, 10: TO }"
-
-
-def moved(prim: str, name: str, start: str, end: str, more: str = "") -> str:
-    kind, path = prim.split()
-    return f'def {kind} "{path}"\n{{\n{name}.timeSamples = {{ 0: {start}, 10: {end} }}\n{more}\n}}\n'
-
-
-OPS = 'uniform token[] xformOpOrder = ["xformOp:translate"]'
-POINTS = "int[] faceVertexCounts = [3]\nint[] faceVertexIndices = [0, 1, 2]\n"
-INSTANCER = 'rel prototypes = </i/p>\nint[] protoIndices = [0]\ndef Sphere "p"\n{\n}\n'
-MOVING = {
-    "a transform": moved("Sphere s", "double3 xformOp:translate", "(0, 0, 0)", "(1, 0, 0)", OPS),
-    "a parent's transform": moved(
-        "Xform s", "double3 xformOp:translate", "(0, 0, 0)", "(1, 0, 0)", OPS + '\ndef Sphere "x"\n{\n}'
-    ),
-    "points": moved(
-        "Mesh s", "point3f[] points", "[(0, 0, 0), (1, 0, 0), (0, 1, 0)]", "[(0, 0, 0), (1, 0, 0), (0, 2, 0)]", POINTS
-    ),
-    "velocities": (
-        'def Mesh "s"\n{\n' + POINTS + "point3f[] points.timeSamples = { 5: [(0, 0, 0), (1, 0, 0), (0, 1, 0)] }\n"
-        "vector3f[] velocities.timeSamples = { 5: [(0, 0, 0), (1, 0, 0), (0, 1, 0)] }\n}\n"
-    ),
-    "an instancer's positions": moved("PointInstancer i", "point3f[] positions", "[(0, 0, 0)]", "[(1, 0, 0)]", INSTANCER),
-    "an instancer's orientations": moved(
-        "PointInstancer i",
-        "quath[] orientations",
-        "[(1, 0, 0, 0)]",
-        "[(0, 1, 0, 0)]",
-        "point3f[] positions = [(0, 0, 0)]\n" + INSTANCER,
-    ),
-    "a radius": moved("Sphere s", "double radius", "1", "2"),
-    "a light": moved(
-        "DistantLight s", "double3 xformOp:rotateXYZ", "(0, 0, 0)", "(1, 0, 0)", OPS.replace("translate", "rotateXYZ")
-    ),
-}
-STILL = "velocities.timeSamples = { 5: [(0, 0, 0), (0, 0, 0), (0, 0, 0)]"
-RESTING = {
-    "equal samples": moved("Sphere s", "double3 xformOp:translate", "(1, 0, 0)", "(1, 0, 0)", OPS),
-    "moves later": MOVING["a transform"].replace("0: (0, 0, 0), 10:", "6: (0, 0, 0), 10:"),
-    "has moved": MOVING["a transform"].replace("0: (0, 0, 0), 10:", "0: (0, 0, 0), 4:"),
-    "invisible": moved(
-        "Sphere s", "double3 xformOp:translate", "(0, 0, 0)", "(1, 0, 0)", OPS + '\ntoken visibility = "invisible"'
-    ),
-    "of another purpose": moved(
-        "Sphere s", "double3 xformOp:translate", "(0, 0, 0)", "(1, 0, 0)", OPS + '\nuniform token purpose = "guide"'
-    ),
-    "a colour": moved("Sphere s", "color3f[] primvars:displayColor", "[(0, 0, 0)]", "[(1, 0, 0)]"),
-    "no velocity": MOVING["velocities"].replace("velocities.timeSamples = { 5: [(0, 0, 0), (1, 0, 0), (0, 1, 0)]", STILL),
-}  # fmt: skip
-
-
-def stage_with(text: str) -> Usd.Stage:
-    return stage_of(EYE + text)
-
-
-def exposed(text: str, time: float | None = 5.0) -> SceneDescription:
-    """What moves is shown, so nothing is told."""
-    found, diagnostics = translate(stage_with(text), RenderSettings(camera="/rig/eye", time_code=time))
-    assert "motion" not in [d.code for d in diagnostics]
-    return found
-
-
-@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close")
-@pytest.mark.parametrize("name", MOVING)
-def test_what_moves_is_exposed(name: str) -> None:
-    found = exposed(MOVING[name]).exposure
-    assert found is not None
-    assert (found.opens, found.closes, found.span) == (-0.25, 0.25, (-0.25, 0.25))
-    stage = stage_of((EYE + MOVING[name]).replace(SHUTTER, ""))
-    assert translate(stage, RenderSettings(camera="/rig/eye", time_code=5.0))[0].exposure is None
-
-
-@pytest.mark.parametrize("name", RESTING)
-def test_what_rests_is_not(name: str) -> None:
-    assert exposed(RESTING[name]).exposure is None
-
-
-def test_a_light_keeps_its_size() -> None:
-    growing = moved("SphereLight s", "float inputs:radius", "1", "2")
-    found, diagnostics = translate(stage_with(growing), RenderSettings(camera="/rig/eye", time_code=5.0))
-    assert found.exposure is None
-    told = [d for d in diagnostics if d.code == "motion"]
-    assert [(d.prim_path, d.attribute) for d in told] == [("/s", "inputs:radius")]
-
-
-def test_at_the_default_time_the_earliest_samples_stand_for_the_frame() -> None:
-    assert exposed(MOVING["a transform"], None).exposure is not None
-    assert exposed(RESTING["equal samples"], None).exposure is None
-
-
-def test_the_camera_moves_and_others_do_not_matter() -> None:
-    eye = EYE.replace(SHUTTER, SHUTTER + "float focalLength.timeSamples = { 0: 50, 10: 60 }")
-    found = translate(stage_of(eye), RenderSettings(camera="/rig/eye", time_code=5.0))[0]
-    assert found.camera_motion is not None
-    assert exposed("").exposure is None
 
 
 @pytest.mark.conforms("Camera.horizontalAperture", "Camera.verticalAperture")
