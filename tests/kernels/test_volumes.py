@@ -112,13 +112,13 @@ def test_values_are_those_of_the_voxels(is_half: bool) -> None:
 
 
 def test_halves_are_exact_denormals_too() -> None:
-    halves = np.arange(31 << 10, dtype=np.uint16)  # all that are finite and not negative
-    halves = np.concatenate([halves, halves | 0x8000])
-    halves = np.pad(halves, (0, -len(halves) % 512)).reshape(-1, 512)
-    table = table_of([(0, 0, 8 * k) for k in range(len(halves))], halves)
-    z, y, x = np.meshgrid(np.arange(8 * len(halves)), np.arange(8), np.arange(8), indexing="ij")
+    finite = np.arange(31 << 10, dtype=np.uint16)
+    halves = np.concatenate([finite, finite | 0x8000])
+    leaves = np.pad(halves, (0, -len(halves) % 512)).reshape(-1, 512)
+    table = table_of([(0, 0, 8 * k) for k in range(len(leaves))], leaves)
+    z, y, x = np.meshgrid(np.arange(8 * len(leaves)), np.arange(8), np.arange(8), indexing="ij")
     places = np.stack([x, y, z], -1).reshape(-1, 3).astype(np.int32)
-    wanted = halves.reshape(-1, 8, 8, 8)[places[:, 2] // 8, places[:, 0], places[:, 1], places[:, 2] % 8]
+    wanted = leaves.reshape(-1, 8, 8, 8)[places[:, 2] // 8, places[:, 0], places[:, 1], places[:, 2] % 8]
     assert (table.voxels(0, places) == wanted.view(np.float16).astype(np.float32)).all()
 
 

@@ -1,3 +1,4 @@
+// Construction of a scene's table of grids: blocks of values, and the ranges of the cells that reach them.
 #include "volume/grid_table.hpp"
 
 #include <algorithm>
