@@ -45,7 +45,7 @@ OF_PROCESSES = ("tests/images/notebooks", "tests/images/parts")
 UNITS = Group("units", ("tests/unit", "tests/translation", "tests/properties", "tests/docs"))
 PICTURES = Group("pictures", ("tests/kernels", "tests/images"), left_out=OF_PROCESSES)
 CASES = Group("cases", ("tests/hard", "tests/statistics", "tests/reference", "tests/bench", "tests/deploy"))
-PROCESSES = Group("processes", ("tests/contrib", "tests/examples", *OF_PROCESSES, "tests/service"), workers=2)
+PROCESSES = Group("processes", ("tests/contrib", "tests/examples", *OF_PROCESSES, "tests/service"), workers=4)
 QUICK = (UNITS, PICTURES)
 ALL = (UNITS, PICTURES, CASES, PROCESSES)
 
