@@ -2,8 +2,7 @@
 
 base.py         interface of a store; sql_store.py implements it
 database/       schema.py: the tables; rows.py: their conversion to the service's types; migrations/, migrate.py: its versions;
-                engine.py: connections, locks, retries; transaction.py: one transaction, its events and sums; notices.py:
-                notices between servers
+                engine.py: connections, locks, retries, transactions; notices.py: notices between servers
 operations/     open_job.py: a job under its lock, and every change of one; the others are the operations
 """
 

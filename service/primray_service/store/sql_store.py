@@ -8,19 +8,13 @@ from contextlib import AbstractContextManager
 from ..jobs import Json
 from .database.engine import Database
 from .database.migrate import migrate
-from .operations.claims import Claims
-from .operations.contents import Contents
-from .operations.frames import Frames
+from .operations.claims import Claims, Queue, WorkSeconds
+from .operations.frames import Frames, Parts
 from .operations.interventions import Interventions
-from .operations.jobs import Jobs
-from .operations.keys import EndedSessions, Keys
+from .operations.jobs import Jobs, Listing, Webhooks
 from .operations.leases import Leases
-from .operations.listing import Listing
-from .operations.parts import Parts
-from .operations.queue import Queue, WorkSeconds
-from .operations.scenes import Scenes
-from .operations.usage import Sums, Tenants
-from .operations.webhooks import Webhooks
+from .operations.scenes import Contents, Scenes
+from .operations.tenants import EndedSessions, Keys, Sums, Tenants
 
 
 class SqlStore(

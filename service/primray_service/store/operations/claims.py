@@ -1,6 +1,7 @@
-"""Claims of the next frames, several in one transaction, in the order of single claims; and which frames would be next.
+"""Claims of the next frames, several in one transaction, in the order of single claims; and the queue that clients see.
 
-The front of the queue is read through an index, tenant by tenant, so that its length does not matter.
+The front of the queue is read through an index, tenant by tenant, so that its length does not matter. Waiting and running jobs
+are read in two queries, and recent durations of frames are stored for the estimates of waiting jobs.
 """
 
 from __future__ import annotations
@@ -11,23 +12,23 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from sqlalchemy import Connection, Double, Integer, Select, Text, bindparam, func, select, tuple_, update
+from sqlalchemy import Connection, Double, Integer, Select, Text, bindparam, delete, func, select, tuple_, type_coerce, update
 
 from ...ids import ulid
-from ...jobs import Frame, FrameState, JobState
+from ...jobs import Frame, FrameState, Job, JobState
 from ...limits import Quotas
+from ...queue.order import Waiting
+from ...queue.rates import work_of_text
 from ...queue.turns import Head, Line, Plan, Tenant, last_turn
-from ..base import Claim, Lost
+from ..base import Claim, Lost, QueueNow
 from ..database import schema
-from ..database.engine import Database
+from ..database.engine import Database, Operations, Transaction
 from ..database.rows import FRAME_COLUMNS, JOB_COLUMNS, frame_of, job_of
-from ..database.transaction import Transaction
 from .leases import check_fence
 from .open_job import IS_ACTIVE, OpenJob, open_jobs, save_all
-from .operations import Operations
-from .usage import utc_day
+from .tenants import utc_day
 
-jobs = schema.jobs
+jobs, frames, leader = schema.jobs, schema.frames, schema.leader
 usage_days = schema.usage_days
 
 QuotasOf = Callable[[str], Quotas]
@@ -141,8 +142,6 @@ class Front:
                 found[row.tenant].append(_head(row))
         return found
 
-
-frames, leader = schema.frames, schema.leader
 
 FEW = 20  # waiting frames of a job: they are read together with other jobs'
 NO_QUOTAS = Quotas(queued_jobs=None, stored_bytes=None)
@@ -287,3 +286,54 @@ def _begin(
         started_at = func.coalesce(frames.c.started_at, now)
         transaction.execute(change.values(state=FrameState.RUNNING.value, started_at=started_at, claim=claim), mine)
     return begun
+
+
+_WAITS = (
+    select(
+        *(jobs.c.id, jobs.c.tenant, jobs.c.priority, jobs.c.created_at, jobs.c.frames_queued, jobs.c.state, jobs.c.scene_id),
+        type_coerce(jobs.c.settings, Text).label("settings"),  # as text: parsing ten thousand takes longer than everything else
+    )
+    .where(jobs.c.queue_rank.is_not(None))
+    .order_by(jobs.c.queue_rank, jobs.c.created_at, jobs.c.id)
+)
+_RUNS: Select[Any] = select(*JOB_COLUMNS, jobs.c.frames_running).where(IS_ACTIVE, jobs.c.frames_running > 0)
+
+
+class Queue(Operations):
+    def running_frames(self, limit: int) -> Sequence[tuple[Job, Frame]]:
+        runs = (IS_ACTIVE, frames.c.state == FrameState.RUNNING.value)
+        found = select(*JOB_COLUMNS, *FRAME_COLUMNS).join(frames, frames.c.job_id == jobs.c.id).where(*runs)
+        found = found.order_by(frames.c.started_at, frames.c.job_id, frames.c.number).limit(limit)
+        return [(job_of(row), frame_of(row)) for row in self._db.read(lambda db: db.execute(found).all())]
+
+    def queue(self, most: int) -> QueueNow:
+        def work(db: Connection) -> QueueNow:
+            waiting = [
+                Waiting(
+                    *(row.id, row.tenant, row.priority, row.created_at, row.frames_queued, row.state != JobState.QUEUED.value),
+                    (row.scene_id, work_of_text(row.settings)),
+                )
+                for row in db.execute(_WAITS.limit(most))
+            ]
+            return QueueNow(waiting, [(job_of(row), int(row._mapping[jobs.c.frames_running])) for row in db.execute(_RUNS)])
+
+        return self._db.read(work)
+
+
+works = schema.work_seconds
+
+
+class WorkSeconds(Operations):
+    def note_work(self, fence: int, work: str, seconds: float, now: float, most: int) -> None:
+        def noting(transaction: Transaction[Any]) -> None:
+            check_fence(transaction, fence)
+            transaction.execute(delete(works).where(works.c.work == work))
+            transaction.insert_new(works, {"work": work, "seconds": seconds, "noted_at": now})
+            newest = select(works.c.work).order_by(works.c.noted_at.desc(), works.c.work).limit(most)
+            transaction.execute(delete(works).where(works.c.work.not_in(newest)))
+
+        self._db.write(noting, durable=False)
+
+    def work_seconds(self) -> Mapping[str, float]:
+        rows = select(works.c.work, works.c.seconds).order_by(works.c.noted_at, works.c.work)
+        return {work: float(seconds) for work, seconds in self._db.read(lambda db: db.execute(rows).all())}

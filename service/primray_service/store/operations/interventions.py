@@ -10,12 +10,11 @@ from ...jobs import FRAME_TERMINAL, TERMINAL, Frame, FrameState, Job, JobState
 from ...limits import Quotas
 from ..base import Conflict
 from ..database import schema
+from ..database.engine import Operations, Transaction
 from ..database.rows import FRAME_COLUMNS, JOB_COLUMNS, frame_of
-from ..database.transaction import Transaction
 from .open_job import OpenJob, open_job
-from .operations import Operations
 from .scenes import lock_scene
-from .usage import check_room_for_job
+from .tenants import check_room_for_job
 
 jobs, frames, parts = schema.jobs, schema.frames, schema.parts
 

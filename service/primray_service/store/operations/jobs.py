@@ -1,4 +1,8 @@
-"""Jobs as clients see and change them: create, read, change, cancel, continue, delete; and expiry."""
+"""Jobs as clients see and change them: create, read, list, change, cancel, continue, delete, expire; and their webhooks.
+
+Each page of jobs begins by an index where the last one ended, and reads only rows that it returns. Rows of webhooks were
+written together with the change that they report.
+"""
 
 from __future__ import annotations
 
@@ -6,20 +10,20 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from sqlalchemy import delete, insert, select, text, update
+from sqlalchemy import Connection, Select, delete, exists, insert, literal, select, text, tuple_, union_all, update
+from sqlalchemy.sql.elements import ColumnElement
 
 from ...jobs import TERMINAL, Event, FrameState, Job, JobState, Json, Output
 from ...limits import Quotas
 from ...problems import Problem
-from ..base import Conflict, KeyReused
+from ..base import Conflict, JobFilter, KeyReused, Page, WebhookDelivery
 from ..database import schema
-from ..database.rows import JOB_COLUMNS, event_of, job_of, output_of, values_of_job
-from ..database.transaction import Transaction
-from .leases import check_fence
+from ..database.engine import Operations, Transaction
+from ..database.rows import JOB_COLUMNS, delivery_of, event_of, job_of, output_of, read_cursor, values_of_job, write_cursor
+from .leases import check_fence, look_at_fence
 from .open_job import OpenJob, open_job
-from .operations import Operations
 from .scenes import lock_scene
-from .usage import check_room_for_job, count_bytes
+from .tenants import check_room_for_job, count_bytes
 
 jobs, frames, keys = schema.jobs, schema.frames, schema.idempotency_keys
 
@@ -286,3 +290,98 @@ def _expire_job(opened: OpenJob, now: float) -> Job:
     problem = Problem("job-expired", f"The job had not finished {opened.job.ttl_s:g} s after it was queued.")
     opened.end(JobState.EXPIRED, now, {"error": {**problem.as_json(), "attempt": opened.job.attempt}})
     return opened.save()
+
+
+labels = schema.job_labels
+
+
+class Listing(Operations):
+    def jobs(self, tenant: str | None, where: JobFilter, limit: int, cursor: str | None, newest_first: bool = True) -> Page:
+        if tenant is None and where.labels:
+            raise ValueError("labels are indexed by tenant")
+        order = "newest" if newest_first else "oldest"
+        after = None if cursor is None else read_cursor(cursor, order)
+        states = where.states if 0 < len(where.states) < len(JobState) else frozenset[JobState]()
+        if len(states) <= 1 or where.labels:
+            found = _ids(tenant, where, states, after, newest_first, limit)
+        else:  # by state, each from its own part of the index, then merged
+            parts = [_ids(tenant, where, frozenset({state}), after, newest_first, limit) for state in sorted(states)]
+            both = union_all(*(select(part.subquery()) for part in parts)).subquery()
+            found = _ordered(select(both), both.c.created_at, both.c.id, newest_first).limit(limit + 1)
+        page = found.subquery()
+        rows = select(*JOB_COLUMNS).join(page, page.c.id == jobs.c.id)
+        rows = _ordered(rows, jobs.c.created_at, jobs.c.id, newest_first)
+        items = [job_of(row) for row in self._db.read(lambda db: db.execute(rows).all())]
+        more = len(items) > limit
+        items = items[:limit]
+        return Page(items, write_cursor(items[-1].created_at, items[-1].id, order) if more and items else None)
+
+
+def _ids(
+    tenant: str | None,
+    where: JobFilter,
+    states: frozenset[JobState],
+    after: tuple[float, str] | None,
+    newest_first: bool,
+    limit: int,
+) -> Select[Any]:
+    """Return a query for (created_at, id) of a page and one more row; by the first label's index if labels are given."""
+    wanted = sorted(where.labels.items())
+    if wanted:
+        name, value = wanted[0]
+        created_at, job_id = labels.c.created_at, labels.c.job_id
+        found = select(created_at.label("created_at"), job_id.label("id")).join(jobs, jobs.c.id == labels.c.job_id)
+        found = found.where(labels.c.tenant == tenant, labels.c.name == name, labels.c.value == value)
+    else:
+        created_at, job_id = jobs.c.created_at, jobs.c.id
+        found = select(created_at, job_id)
+        found = found if tenant is None else found.where(jobs.c.tenant == tenant)
+    for name, value in wanted[1:]:
+        other = labels.alias()
+        found = found.where(exists().where(other.c.job_id == jobs.c.id, other.c.name == name, other.c.value == value))
+    if states:
+        found = found.where(jobs.c.state.in_([state.value for state in sorted(states)]))
+    if where.scene_id is not None:
+        found = found.where(jobs.c.scene_id == where.scene_id)
+    if after is not None:
+        here = tuple_(created_at, job_id)
+        found = found.where(here < tuple_(*after) if newest_first else here > tuple_(*after))
+    return _ordered(found, created_at, job_id, newest_first).limit(limit + 1)
+
+
+def _ordered(found: Select[Any], created_at: Any, job_id: Any, newest_first: bool) -> Select[Any]:
+    if newest_first:
+        return found.order_by(created_at.desc(), job_id.desc())
+    return found.order_by(created_at, job_id)
+
+
+webhooks = schema.webhooks
+
+# Must match the index's condition literally: SQLite uses a partial index for no other.
+_DUE: ColumnElement[bool] = webhooks.c.state == literal("due", literal_execute=True)
+
+
+class Webhooks(Operations):
+    def due_webhooks(self, fence: int, now: float, limit: int) -> Sequence[WebhookDelivery]:
+        def work(db: Connection) -> list[WebhookDelivery]:
+            look_at_fence(db, fence)
+            due = select(webhooks).where(_DUE, webhooks.c.next_at <= now)
+            return [delivery_of(row) for row in db.execute(due.order_by(webhooks.c.next_at, webhooks.c.id).limit(limit))]
+
+        return self._db.read(work)
+
+    def webhook_tried(self, fence: int, delivery_id: str, *, state: str, next_at: float, error: str) -> None:
+        def work(transaction: Transaction[None]) -> None:
+            check_fence(transaction, fence)
+            mine = webhooks.c.id == delivery_id
+            row = transaction.execute(select(webhooks).where(mine).with_for_update()).first()
+            if row is None or row.state != "due" or (row.tries > 0 and row.next_at == next_at):
+                return  # deleted with its job, or this very call, repeated
+            tried = {"tries": row.tries + 1, "state": state, "next_at": next_at, "last_error": error}
+            transaction.execute(update(webhooks).where(mine).values(**tried))
+
+        self._db.write(work, durable=False)
+
+    def webhooks(self, job_id: str) -> Sequence[WebhookDelivery]:
+        found = select(webhooks).where(webhooks.c.job_id == job_id).order_by(webhooks.c.id)
+        return [delivery_of(row) for row in self._db.read(lambda db: db.execute(found).all())]

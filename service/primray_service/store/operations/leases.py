@@ -9,9 +9,8 @@ from sqlalchemy import Connection, select, update
 from ...jobs import TERMINAL, FrameState, JobState, Json
 from ..base import Leader, Lost
 from ..database import schema
-from ..database.transaction import Transaction
+from ..database.engine import Operations, Transaction
 from .open_job import IS_ACTIVE, OpenJob, open_job
-from .operations import Operations
 
 leader, jobs, frames = schema.leader, schema.jobs, schema.frames
 

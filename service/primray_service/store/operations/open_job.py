@@ -14,8 +14,8 @@ from sqlalchemy import Row, select, text, update
 from ...ids import ulid
 from ...jobs import TERMINAL, FrameState, IllegalMove, Job, JobState, Json, is_legal, state_of_all
 from ..database import schema
+from ..database.engine import Transaction
 from ..database.rows import job_of
-from ..database.transaction import Transaction
 
 jobs, frames = schema.jobs, schema.frames
 

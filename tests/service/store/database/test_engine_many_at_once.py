@@ -12,7 +12,7 @@ from primray_service.limits import Quotas
 from primray_service.store import open_store
 from primray_service.store.base import JobFilter, QuotaExceeded
 
-from .world import ANY, World, any_quotas, new_job
+from ..world import ANY, World, any_quotas, new_job
 
 
 def test_forty_threads_write_and_read(url: str, world: World):

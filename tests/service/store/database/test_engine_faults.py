@@ -22,10 +22,10 @@ from primray_service.jobs import FrameState, JobState
 from primray_service.store import open_store
 from primray_service.store.base import JobFilter
 
-from ..postgres import Server, private_server
-from .conftest import database_of
-from .operations.test_sums import WEBHOOK
-from .world import ANY, T0, World, any_quotas, broken_rules, new_job
+from ...postgres import Server, private_server
+from ..conftest import database_of
+from ..operations.test_tenants import WEBHOOK
+from ..world import ANY, T0, World, any_quotas, broken_rules, new_job
 
 CPU_S = 1.25  # of each frame, in two reports
 

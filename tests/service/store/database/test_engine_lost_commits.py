@@ -16,8 +16,8 @@ from primray_service.limits import Quotas
 from primray_service.store import SqlStore
 from primray_service.store.database import schema
 
-from .operations.test_sums import KEY, WEBHOOK
-from .world import ANY, T0, World, any_quotas, new_job, new_scene, scene_id
+from ..operations.test_tenants import KEY, WEBHOOK
+from ..world import ANY, T0, World, any_quotas, new_job, new_scene, scene_id
 
 
 class Broken:

@@ -1,4 +1,7 @@
-"""Usage of tenants, their quotas as an administrator sets them, and checks of both. Sums are stored, never counted."""
+"""Tenants: their usage, their quotas as an administrator sets them, checks of both, and their API keys.
+
+Sums are stored, never counted. Sessions that were logged out are refused by every server on this database.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,14 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, delete, func, select, union
+from sqlalchemy import Connection, delete, func, select, union, update
 
 from ...jobs import JobState, Json
 from ...limits import Quotas
-from ..base import QuotaExceeded, Usage
+from ..base import ApiKey, QuotaExceeded, Usage
 from ..database import schema
-from ..database.transaction import Transaction
-from .operations import Operations
+from ..database.engine import Operations, Transaction
+from ..database.rows import key_of, values_of_key
 
 tenants, job_counts, usage_days = schema.tenants, schema.job_counts, schema.usage_days
 api_keys, tenant_quotas = schema.api_keys, schema.tenant_quotas
@@ -63,8 +66,6 @@ class Tenants(Operations):
 def _sum(counts: Mapping[str, int], states: Sequence[JobState]) -> int:
     return sum(counts.get(state.value, 0) for state in states)
 
-
-tenants, job_counts, usage_days = schema.tenants, schema.job_counts, schema.usage_days
 
 ACTIVE = (JobState.PREPARING, JobState.RUNNING, JobState.CANCELING, JobState.PAUSING)
 WAITING = (JobState.QUEUED, JobState.PAUSED)  # a paused job keeps its share of the quota: it may be resumed at any time
@@ -124,3 +125,49 @@ class Sums(Operations):
         sums = select(job_counts.c.state, func.sum(job_counts.c.jobs)).group_by(job_counts.c.state)
         found = self._db.read(lambda db: db.execute(sums).all())
         return {state.value: 0 for state in JobState} | {state: int(number) for state, number in found}
+
+
+class Keys(Operations):
+    def create_key(self, key: ApiKey) -> None:
+        def work(transaction: Transaction[None]) -> None:
+            transaction.insert_new(api_keys, values_of_key(key))
+
+        self._db.write(work)
+
+    def key_by_sha256(self, sha256: str) -> ApiKey | None:
+        found = select(api_keys).where(api_keys.c.sha256 == sha256)
+        row = self._db.read(lambda db: db.execute(found).first())
+        return key_of(row) if row else None
+
+    def keys(self, tenant: str | None = None) -> Sequence[ApiKey]:
+        found = select(api_keys).order_by(api_keys.c.created_at, api_keys.c.id)
+        if tenant is not None:
+            found = found.where(api_keys.c.tenant == tenant)
+        return [key_of(row) for row in self._db.read(lambda db: db.execute(found).all())]
+
+    def revoke_key(self, key_id: str, now: float) -> bool:
+        def work(transaction: Transaction[bool]) -> bool:
+            found = select(api_keys.c.revoked_at).where(api_keys.c.id == key_id).with_for_update()
+            row = transaction.execute(found).first()
+            if row is None or row.revoked_at is not None:
+                return row is not None and row.revoked_at == now  # this very call, repeated
+            transaction.execute(update(api_keys).where(api_keys.c.id == key_id).values(revoked_at=now))
+            return True
+
+        return self._db.write(work)
+
+
+ended = schema.ended_sessions
+
+
+class EndedSessions(Operations):
+    def end_session(self, session: str, until: float, now: float) -> None:
+        def work(transaction: Transaction[Any]) -> None:
+            transaction.execute(delete(ended).where(ended.c.until <= now))
+            transaction.insert_new(ended, {"session": session, "until": until})
+
+        self._db.write(work)
+
+    def session_has_ended(self, session: str) -> bool:
+        found = select(ended.c.session).where(ended.c.session == session)
+        return self._db.read(lambda db: db.execute(found).first()) is not None

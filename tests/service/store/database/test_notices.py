@@ -10,9 +10,9 @@ from tests.service.api import wait_until
 
 from primray_service.store import SqlStore, open_store
 
-from ..postgres import Databases, postgres_databases, postgres_server, postgres_url
-from .conftest import database_of
-from .world import World
+from ...postgres import Databases, postgres_databases, postgres_server, postgres_url
+from ..conftest import database_of
+from ..world import World
 
 __all__ = ["postgres_databases", "postgres_server", "postgres_url"]
 
