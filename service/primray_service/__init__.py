@@ -2,7 +2,7 @@
 
     app.py, routes/     HTTP: parse, call one function, answer; http/: code that routes share
     api/                requests and answers as models, and the API's reference page
-    access/             authentication and quotas
+    auth.py, quotas.py  who calls: keys, sessions; what each tenant may use
     jobs.py             jobs, their states and moves (pure); admission.py: from a request to a job
     problems.py         every error answer
     limits.py           limits of uploads, jobs, workers and tenants
@@ -10,7 +10,7 @@
     files.py            the data directory; objects.py: an object store that servers share instead; file_lock.py: locks of files
     shared_roots.py     shared storage whose stages jobs may name
     changes.py          notification of changes to jobs, and reads of them that are shared
-    leader.py           capabilities of the server that dispatches, so that all servers give the same answers
+    service.py          the parts of a running server, and the capabilities of the one that dispatches
     scenes/             uploads: streamed, recognised, unpacked, safely
     queue/              order of queued jobs, their positions and estimated starts
     dispatcher/         holds the lease, gives frames to an executor, adopts the results
@@ -20,7 +20,7 @@
     sandbox/            isolation of that program
     pictures/           previews, tone-mapped and encoded
     webhooks/           calls of clients' addresses
-    telemetry/          logs, metrics, traces
+    monitoring.py       logs, metrics, traces
     page/               the web page; main.js describes its folders
     live/               `primray view`: a page that shows a stage, without the service
     cli/, client/       `primray serve`, `submit`, ...; the Python client

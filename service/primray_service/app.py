@@ -7,20 +7,19 @@ from __future__ import annotations
 
 from starlette.applications import Starlette
 
-from .access.auth import Keys, Sessions, session_secret
-from .access.quotas import RequestRates
+from .auth import Keys, Sessions, session_secret
 from .http.callers import RateHeaders
 from .http.failures import add_handlers
 from .http.guard import Measured, OriginGuard, RequestGuard, allow_origins
 from .http.routing import Operation, Router, path_of
+from .monitoring import RequestMetrics, instrument
+from .quotas import RequestRates
 from .routes import account, documents, health, keys, metrics, packages, page, scenes, sessions
 from .routes.admin import jobs as admin_jobs
 from .routes.admin import tenants as admin_tenants
 from .routes.admin import workers as admin_workers
 from .routes.jobs import convergence, events, frames, interventions, jobs, logs, outputs, previews, submissions
 from .service import Service
-from .telemetry.metrics import RequestMetrics
-from .telemetry.tracing import instrument
 
 # All routers, in the document's order. The first one with a matching path answers.
 ROUTERS: tuple[Router, ...] = (

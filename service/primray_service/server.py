@@ -21,6 +21,7 @@ import structlog
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from . import monitoring
 from .app import create_app
 from .changes import Changes, SharedReads
 from .config import ServeConfig
@@ -36,7 +37,6 @@ from .scenes import shared
 from .scenes.keep import sweep
 from .service import Service
 from .store import open_store
-from .telemetry import logs
 from .webhooks import WebhookSender
 
 log = structlog.get_logger("primray.server")
@@ -51,7 +51,7 @@ SWITCH_INTERVAL_S = 0.001
 
 def serve(config: ServeConfig) -> None:
     """Run the server until SIGTERM or Ctrl-C."""
-    logs.configure(config.log_json)
+    monitoring.configure_log(config.log_json)
     listener = listen(config)
     allow_many_connections()
     asyncio.run(run(config, listener))

@@ -28,7 +28,7 @@ from typing import Any
 
 import httpx2
 
-from primray_service.access.auth import LOCAL_TENANT
+from primray_service.auth import LOCAL_TENANT
 from primray_service.files import DataDirectory
 from primray_service.jobs import TERMINAL, FrameState, JobState, Scene
 from primray_service.store import open_store

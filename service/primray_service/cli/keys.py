@@ -69,7 +69,7 @@ def _create_offline(
     data: Path | None, database: str | None, tenant: str, name: str, scopes: Sequence[str], seconds: float | None
 ) -> tuple[str, str]:
     need_extra("keys")
-    from ..access import keys as api_keys
+    from ..auth import issue_key
     from ..config import ServeConfig
     from ..files import DataDirectory
     from .offline import opened_store
@@ -79,9 +79,7 @@ def _create_offline(
         DataDirectory(folder).create()
     now = time.time()
     with problems_as_errors(), opened_store(ServeConfig(folder, database=database).database_url) as store:
-        row, text = api_keys.create(
-            store, tenant, scopes, now, name=name, expires_at=None if seconds is None else now + seconds
-        )
+        row, text = issue_key(store, tenant, scopes, now, name=name, expires_at=None if seconds is None else now + seconds)
     return row.id, text
 
 

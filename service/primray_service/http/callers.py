@@ -11,9 +11,9 @@ from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from ..access.auth import LOCAL, Caller, Keys, Sessions, caller_of, sha256_of, unauthenticated
-from ..access.quotas import RequestRates
+from ..auth import LOCAL, Caller, Keys, Sessions, caller_of, sha256_of, unauthenticated
 from ..problems import Problem
+from ..quotas import RequestRates
 from ..service import Service
 from .parameters import Provided
 

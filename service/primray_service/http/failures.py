@@ -12,9 +12,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from ..access.quotas import exceeded
 from ..objects import ObjectStoreFailed
 from ..problems import Problem
+from ..quotas import exceeded
 from ..store.base import QuotaExceeded, Unavailable
 from .answers import problem_answer
 from .callers import caller_of_request, service_of

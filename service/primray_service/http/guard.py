@@ -24,8 +24,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ..config import ServeConfig
 from ..ids import ulid
+from ..monitoring import RequestMetrics
 from ..problems import Problem
-from ..telemetry.metrics import RequestMetrics
 from .answers import problem_answer
 
 log = structlog.get_logger("primray.http")

@@ -15,11 +15,11 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
-from ..access.auth import Caller
-from ..access.quotas import exceeded
+from ..auth import Caller
 from ..jobs import Scene as SceneRow
 from ..limits import MiB, Quotas
 from ..problems import Problem
+from ..quotas import exceeded
 from ..scenes.contents import keep_content
 from ..scenes.keep import keep
 from ..scenes.receive import UploadHead, receive

@@ -10,11 +10,10 @@ from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ..access.auth import Keys
-from ..access.keys import TENANT, create
 from ..api import views
 from ..api.job_json import time_text
 from ..api.models import Sent
+from ..auth import TENANT_NAME, Keys, issue_key
 from ..http.answers import json_answer
 from ..http.bodies import json_body
 from ..http.callers import Admin, Serving
@@ -44,7 +43,7 @@ class QuotaRequest(Sent):
 
 class KeyRequest(Sent):
     tenant: str = Field(
-        pattern=f"^{TENANT.pattern}$", description="Tenant whose jobs and scenes the key is for; naming one creates it."
+        pattern=f"^{TENANT_NAME.pattern}$", description="Tenant whose jobs and scenes the key is for; naming one creates it."
     )
     scopes: list[Literal["submit", "read", "admin"]] = Field(default=["submit", "read"], min_length=1, max_length=3)
     name: str = Field("", max_length=200, description="Display name.")
@@ -74,7 +73,7 @@ def create_key(
     changes = {} if asked.quotas is None else asked.quotas.model_dump(exclude_unset=True)
     quotas = Quotas(**{**asdict(service.quotas), **changes})
     expires_at = None if asked.expires_in_s is None else now + asked.expires_in_s
-    row, text = create(service.store, asked.tenant, asked.scopes, now, name=asked.name, quotas=quotas, expires_at=expires_at)
+    row, text = issue_key(service.store, asked.tenant, asked.scopes, now, name=asked.name, quotas=quotas, expires_at=expires_at)
     record(caller, "create-key", row.tenant, key_id=row.id, scopes=sorted(row.scopes))
     return json_answer({**key_json(row), "key": text}, 201, {"location": f"/v1/keys/{row.id}", "cache-control": "no-store"})
 

@@ -9,8 +9,8 @@ from starlette.responses import Response
 from ..http.callers import Serving, caller_of_request
 from ..http.described import answer
 from ..http.routing import Router
+from ..monitoring import RequestMetrics, exposition
 from ..problems import Problem
-from ..telemetry.metrics import RequestMetrics, exposition
 
 router = Router(tag="health")
 

@@ -10,9 +10,9 @@ from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ..access.auth import Caller
 from ..api import views
 from ..api.models import Sent
+from ..auth import Caller
 from ..http.answers import json_answer
 from ..http.bodies import json_body
 from ..http.callers import Serving, Submitter

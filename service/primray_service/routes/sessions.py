@@ -9,10 +9,10 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ..access.auth import SESSION_S, caller_of, sha256_of
 from ..api import views
 from ..api.job_json import time_text
 from ..api.models import SessionRequest
+from ..auth import SESSION_S, caller_of, sha256_of
 from ..http.answers import json_answer
 from ..http.bodies import json_body
 from ..http.callers import COOKIE

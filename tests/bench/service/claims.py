@@ -25,7 +25,7 @@ from tests.bench.service.load import Connection, loop_delay, quantiles
 from tests.bench.service.long_queues import NO_QUOTAS, database, lengthen, put_scenes, tenant_names
 from tests.service.serving import start
 
-from primray_service.access.auth import LOCAL_TENANT
+from primray_service.auth import LOCAL_TENANT
 from primray_service.store import SqlStore, open_store
 from primray_service.store.database import schema
 

@@ -392,7 +392,7 @@ def test_a_data_directory_or_database_that_cannot_be_used(
 
 
 def test_the_first_key_is_made_without_a_server(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from primray_service.access.auth import sha256_of
+    from primray_service.auth import sha256_of
     from primray_service.store import open_store
 
     assert run(["keys", "create", "--data", "data", "--scopes", "admin", "--tenant", "studio", "--name", "first"]) == 0

@@ -10,7 +10,7 @@ from tests.service.conftest import make_key
 from tests.service.scenes.zips import LAYER
 from tests.service.serving import RunningServer
 
-from primray_service.access import keys
+from primray_service import auth
 from primray_service.limits import Quotas
 from primray_service.store import open_store
 
@@ -41,7 +41,7 @@ def made(admin: Any, **asked: Any) -> dict[str, Any]:
 
 def test_a_key_is_shown_once_and_kept_as_its_hash(server: RunningServer, admin: Any) -> None:
     key = made(admin, name="pipeline", scopes=["read"])
-    assert keys.is_whole(key["key"])
+    assert auth.is_whole_key(key["key"])
     assert key["key"].startswith(key["prefix"])
     assert len(key["prefix"]) <= 16
     listed = admin.get("/v1/keys").json()["items"]
@@ -119,7 +119,7 @@ def test_what_no_key_can_be_is_refused(asked: dict[str, Any], admin: Any) -> Non
 
 def test_the_first_key_is_made_in_the_data_directory(server: RunningServer) -> None:
     store = open_store(database(server))
-    row, text = keys.create(store, "first", ["admin"], time.time(), name="bootstrap")
+    row, text = auth.issue_key(store, "first", ["admin"], time.time(), name="bootstrap")
     store.close()
     who = server.client(text).get("/v1/whoami").json()
     assert (who["tenant"], who["key"]["id"]) == ("first", row.id)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import structlog
 
-from ...access.auth import Caller
+from ...auth import Caller
 
 log = structlog.get_logger()
 

@@ -9,8 +9,8 @@ from typing import Annotated
 from pydantic import Field
 from starlette.responses import Response
 
-from ...access.keys import TENANT
 from ...api import views
+from ...auth import TENANT_NAME
 from ...http.answers import json_answer
 from ...http.bodies import json_body
 from ...http.callers import Admin, Serving
@@ -25,7 +25,7 @@ from .audit import record
 
 router = Router("/v1/admin/tenants", tag="admin")
 
-TenantName = Annotated[str, Field(pattern=f"^{TENANT.pattern}$", description="A tenant's name.")]
+TenantName = Annotated[str, Field(pattern=f"^{TENANT_NAME.pattern}$", description="A tenant's name.")]
 
 
 def tenant_json(service: Service, tenant: str, used: Usage) -> Json:

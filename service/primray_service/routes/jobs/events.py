@@ -15,9 +15,9 @@ from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from ...access.auth import Caller
 from ...api import views
 from ...api.job_json import event_data, event_json
+from ...auth import Caller
 from ...changes import wait
 from ...http.answers import accepted, json_answer, json_bytes
 from ...http.callers import Reader, Serving

@@ -14,10 +14,10 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ...access.auth import Caller
 from ...admission import changes_of, continued
 from ...api import views
 from ...api.models import ContinueRequest, JobPatch
+from ...auth import Caller
 from ...changes import wait
 from ...http.answers import ETAG, json_answer, json_bytes, none_match, not_modified
 from ...http.bodies import json_body

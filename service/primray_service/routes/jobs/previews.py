@@ -10,7 +10,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ...access.auth import Caller
+from ...auth import Caller
 from ...http.answers import none_match
 from ...http.callers import Reader, Serving
 from ...http.described import answer

@@ -10,10 +10,11 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ...access.auth import Caller
+from ... import monitoring
 from ...admission import fingerprint, new_job
 from ...api import views
 from ...api.models import FormJob, JobRequest
+from ...auth import Caller
 from ...http.answers import json_bytes
 from ...http.bodies import parsed, read_json
 from ...http.callers import Serving, Submitter
@@ -27,7 +28,6 @@ from ...scenes.entries import choose
 from ...scenes.recognize import MEDIA_TYPES, job_name
 from ...service import Service
 from ...store.base import Conflict, KeyReused
-from ...telemetry import tracing
 from ...webhooks import accepted_webhook
 from .jobs import changed, has_ended, job_answer, prefer_wait
 
@@ -142,7 +142,7 @@ async def read_form(request: Request, service: Service, caller: Caller) -> JobRe
 def create(service: Service, caller: Caller, asked: JobRequest, request: Request) -> tuple[Job, bool]:
     """Return the new job, or the earlier one with the same idempotency key (False)."""
     # This request's own span if requests are traced; else the client's.
-    traceparent = tracing.traceparent() or request.headers.get("traceparent", "")
+    traceparent = monitoring.traceparent() or request.headers.get("traceparent", "")
     scene_id = asked.scene.id
     if (scene_id is None) == (asked.scene.shared is None):
         raise Problem("invalid-request", "scene: name the scene's id, or a stage as shared.", member="scene")

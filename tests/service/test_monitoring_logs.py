@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import structlog
 
-from primray_service.telemetry import logs
+from primray_service import monitoring
 
 SECRETS = {
     "authorization": "Bearer abc.def",
@@ -40,7 +40,7 @@ def _fail(body: str, other: Unprintable) -> None:
 @pytest.mark.usefixtures("_logging_as_it_was")
 def test_the_log_is_a_line_of_json_without_secrets() -> None:
     stream = io.StringIO()
-    logs.configure(True, stream)
+    monitoring.configure_log(True, stream)
     structlog.get_logger("x").info("request", **SECRETS, job_id="job_1")
     logging.getLogger("uvicorn.error").warning("from elsewhere: %s", "Bearer abcdef")
     try:
@@ -60,7 +60,7 @@ def test_the_log_is_a_line_of_json_without_secrets() -> None:
 @pytest.mark.usefixtures("_logging_as_it_was")
 def test_the_log_for_people_is_readable() -> None:
     stream = io.StringIO()
-    logs.configure(False, stream)
+    monitoring.configure_log(False, stream)
     structlog.get_logger("x").info("request", path="/v1/jobs", key="secret")
     assert "request" in stream.getvalue()
     assert "path=/v1/jobs" in stream.getvalue()

@@ -12,14 +12,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
-from ..limits import Quotas
-from ..problems import Problem
-from ..store.base import Usage
 from .auth import Caller
+from .limits import Quotas
+from .problems import Problem
+from .store.base import Usage
 
 if TYPE_CHECKING:
-    from ..jobs import Json
-    from ..store.base import Store
+    from .jobs import Json
+    from .store.base import Store
 
 
 DAY_S = 86_400.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from primray_service.access.quotas import RequestRates
 from primray_service.limits import Quotas
+from primray_service.quotas import RequestRates
 
 
 def test_a_bucket_fills_at_its_rate_and_no_further() -> None:

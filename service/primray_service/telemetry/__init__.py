@@ -1,1 +1,0 @@
-"""Telemetry for the server's operator: logs, metrics, traces."""
