@@ -17,7 +17,7 @@ from ..ids import ulid
 from ..jobs import Json
 from ..limits import Limits
 from ..problems import Problem
-from ..sandbox import layers
+from ..sandbox import spawn
 from . import watchdog
 from .base import Capacity, Chunk, Handle, OnMessage
 from .local_run import Run
@@ -163,7 +163,7 @@ class LocalExecutor:
 
     def _layers(self) -> dict[str, str]:
         wanted = self._sandbox_layers.layers
-        return {name: state if wanted is None or name in wanted else "off: by choice" for name, state in layers().items()}
+        return {name: state if wanted is None or name in wanted else "off: by choice" for name, state in spawn().items()}
 
     async def close(self) -> None:
         self._closing = True

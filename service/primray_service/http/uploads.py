@@ -23,8 +23,7 @@ from ..quotas import exceeded
 from ..scenes.contents import keep_content
 from ..scenes.keep import keep
 from ..scenes.receive import UploadHead, receive
-from ..scenes.staging import staging
-from ..scenes.threads import to_the_end
+from ..scenes.staging import staging, to_the_end
 from ..service import Service
 from ..store.base import QuotaExceeded
 from .answers import problem_answer

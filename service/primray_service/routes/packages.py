@@ -22,10 +22,9 @@ from ..http.uploads import receive_content, refuse_over_quota, refused
 from ..jobs import Scene
 from ..limits import Quotas
 from ..problems import Problem
-from ..scenes.contents import keep_package, missing_of
-from ..scenes.manifest import FileOfPackage, Manifest, Part, manifest_of
+from ..scenes.contents import FileOfPackage, Manifest, Part, keep_package, manifest_of, missing_of
 from ..scenes.recognize import display_name
-from ..scenes.threads import to_the_end
+from ..scenes.staging import to_the_end
 from ..service import Service
 from .scenes import BINARY, LINKS, scene_answer
 

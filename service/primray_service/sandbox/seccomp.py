@@ -13,8 +13,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from .call_numbers import BY_ARGUMENT, LAST_KNOWN, REFUSED
-from .system_calls import call, machine, number_of
+from .system_calls import BY_ARGUMENT, LAST_KNOWN, REFUSED, call, machine, number_of
 
 _AUDIT_ARCH = (0xC000003E, 0xC00000B7)  # x86_64, aarch64: EM_* with the bits for 64-bit and little-endian
 

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from ..file_lock import make_held
-from .layers import layers, works
 from .limits import Budget
-from .spawn import worker_spawn
+from .spawn import layers, worker_spawn, works
 
 _PROGRAM = "primray_service.sandbox.attempts"
 _TIMEOUT_S = 20.0

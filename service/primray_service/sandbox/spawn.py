@@ -1,10 +1,10 @@
-"""Start of a worker: its argument list and its environment, with every layer of the sandbox that works here.
+"""Start of a worker: its argument list and its environment, with every layer of the sandbox that works on this machine.
 
     spawn = worker_spawn(slot, Budget(memory_bytes=..., threads=...))
     subprocess.Popen(spawn.argv, env=spawn.env, cwd=spawn.cwd, start_new_session=True, stdin=PIPE, stdout=PIPE, stderr=PIPE)
 
 slot/job and slot/out exist and are the worker's alone; files may be put into slot/job (by hard links) at any time later. The
-program calls `enter()` first of all (entry.py).
+program calls `enter()` first of all (entry.py). Whether a layer works is tested once.
 """
 
 from __future__ import annotations
@@ -17,10 +17,48 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from . import bubblewrap
+from . import bubblewrap, landlock, seccomp
 from .bubblewrap import DEVICES, machine_paths, readable_paths
-from .layers import usable_layers
 from .limits import Budget, limits_of
+
+LAYERS = ("rlimits", "landlock", "seccomp", "bubblewrap")
+
+
+@cache
+def layers() -> dict[str, str]:
+    """Return each layer's name with "on" or "off: why"."""
+    return {
+        "rlimits": "on",
+        "landlock": _landlock(),
+        "seccomp": _seccomp(),
+        "bubblewrap": "on" if (why := bubblewrap.missing()) is None else f"off: {why}",
+    }
+
+
+def usable_layers() -> frozenset[str]:
+    return frozenset(name for name, state in layers().items() if state.startswith("on"))
+
+
+def works(usable: frozenset[str] | None = None) -> bool:
+    """Return whether untrusted uploads may be opened: file access is restricted, and system calls are filtered."""
+    on = usable_layers() if usable is None else usable
+    return "seccomp" in on and bool(on & {"landlock", "bubblewrap"})
+
+
+def _landlock() -> str:
+    try:
+        return f"on (ABI {landlock.abi()})"
+    except OSError as error:
+        return f"off: {error.strerror or error}"
+
+
+def _seccomp() -> str:
+    try:
+        seccomp.available()
+    except OSError as error:
+        return f"off: {error.strerror or error}"
+    return "on"
+
 
 WORKER = ("-m", "primray_service.worker")
 INHERITED = ("PRIMRAY_ISA",)

@@ -25,11 +25,9 @@ from ..files import DataDirectory
 from ..jobs import Json, Scene, SceneState
 from ..limits import Limits, MiB
 from ..problems import Problem, problem_of
-from .entries import candidates
 from .receive import Received
-from .recognize import HEAD_BYTES, called_usdz, recognize, without_layers, wrong_as_usdz
-from .zip_directory import DEFLATED, Member, read_directory, shown, unsafe
-from .zip_names import ARCHIVE_HEAD_BYTES, archive_kind, refuse_names
+from .recognize import HEAD_BYTES, called_usdz, candidates, recognize, without_layers, wrong_as_usdz
+from .zip_directory import ARCHIVE_HEAD_BYTES, DEFLATED, Member, archive_kind, read_directory, refuse_names, shown, unsafe
 
 ABOUT = "about.json"  # description from unpacking, for the next tenant who sends the same bytes
 LIBC = ctypes.CDLL(None, use_errno=True)

@@ -1,10 +1,11 @@
-"""Recognition of files: the kind by the first bytes and, for usdz or zip, by the layout of the members; and names of scenes."""
+"""Recognition of files: the kind by the first bytes and, for usdz or zip, by the layout of the members; names of scenes; and
+the layers of a package that can be its root."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import PurePosixPath
 from typing import Literal
 from urllib.parse import unquote
@@ -144,3 +145,43 @@ def file_name(name: str, kind: str) -> str:
     if len(stem.encode()) > MOST_CHARS or not _PLAIN.fullmatch(stem):
         return f"scene.{kind}"
     return f"{stem}{path.suffix if path.suffix in _SUFFIXES[kind] else f'.{kind}'}"
+
+
+ROOT_SUFFIXES = (*LAYER_SUFFIXES, ".usdz")
+SHOWN = 50
+
+
+def layers(paths: Iterable[str]) -> list[str]:
+    """Return the layers that can be a job's entry."""
+    return sorted(path for path in paths if path.lower().endswith(ROOT_SUFFIXES) and not _is_left_over(path))
+
+
+def candidates(paths: Iterable[str]) -> list[str]:
+    """Return the layers in the outermost folder that has any: those further in are referenced by them."""
+    found = layers(paths)
+    outermost = min((path.count("/") for path in found), default=0)
+    return [path for path in found if path.count("/") == outermost]
+
+
+def choose(entry: str | None, roots: Sequence[str], known: Sequence[str] | None = None) -> str | None:
+    """Return a job's entry: the requested one, or the only candidate. None if nothing is known of the package yet.
+
+    `roots`: candidates; `known`: all layers (None: those in `roots`).
+    """
+    if entry is not None:
+        choice = known if known is not None else roots
+        if choice and entry not in choice:
+            raise Problem("entry-missing", f"The package has no layer {entry!r}.", candidates=list(roots[:SHOWN]))
+        return entry
+    if len(roots) > 1:
+        raise Problem(
+            "ambiguous-entry",
+            f"The package has {len(roots)} layers that can be its root; name one of them as the scene's `entry`.",
+            candidates=list(roots[:SHOWN]),
+        )
+    return roots[0] if roots else None
+
+
+def _is_left_over(path: str) -> bool:
+    """Return whether the path is one that macOS adds to zips, or a hidden file."""
+    return any(part == "__MACOSX" or part.startswith(".") for part in path.split("/"))

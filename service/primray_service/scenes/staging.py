@@ -1,23 +1,43 @@
-"""Folders in incoming/ for uploads in progress, each with a lock beside it that is held while it is in use: so those of a dead
-server can be distinguished from a living one's.
+"""Folders in incoming/ for uploads in progress, and blocking work that is always waited for.
 
-The locks are of files that are open for writing: where the data directory is mounted by several machines (NFS), no other lock
-is seen by all of them.
+Each folder has a lock beside it that is held while it is in use: so those of a dead server can be distinguished from a living
+one's. The locks are of files that are open for writing: where the data directory is mounted by several machines (NFS), no other
+lock is seen by all of them.
 """
 
 from __future__ import annotations
 
+import asyncio
 import fcntl
 import os
 import secrets
 import shutil
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from ..file_lock import make_held
 from ..files import DataDirectory
-from .threads import to_the_end
+
+T = TypeVar("T")
+
+
+async def to_the_end(function: Callable[[], T]) -> T:
+    """Run a function like asyncio.to_thread, but wait for the thread even if cancelled, and only then propagate the
+    cancellation."""
+    running = asyncio.ensure_future(asyncio.to_thread(function))
+    cancelled: asyncio.CancelledError | None = None
+    while not running.done():
+        try:
+            await asyncio.wait([running])
+        except asyncio.CancelledError as error:
+            cancelled = error
+    if cancelled is not None:
+        running.exception()  # retrieved, so that it is not reported as lost
+        raise cancelled
+    return running.result()
+
 
 LOCK = ".lock"
 

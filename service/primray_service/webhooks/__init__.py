@@ -2,8 +2,7 @@
 
 addresses.py   which addresses may be called: checked when a job is submitted, and again at each connection
 signing.py     secrets and signatures
-delivery.py    one attempt: connect to the checked address, send, read a little
-sender.py      loop over due deliveries; run by the server that holds the lease
+sender.py      loop over due deliveries, run by the server that holds the lease; one attempt: connect to the checked address
 """
 
 from __future__ import annotations

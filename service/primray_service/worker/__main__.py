@@ -1,5 +1,9 @@
-"""A worker: enters its sandbox, does its slow imports, reports that it is ready, runs one chunk and ends; or, if it is to stay,
-waits for more chunks of the same job."""
+"""A worker: enters its sandbox, does its slow imports, reports that it is ready, runs one chunk and ends; or, if it is to
+stay, waits for more chunks of the same job.
+
+Before its first chunk it renders a stage of one cube, which does whatever happens once in a process: libraries are loaded,
+their plug-ins and configurations read, threads started, so that the first picture of a job is not late.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,39 @@ from typing import Any
 
 from ..sandbox import Entered, enter, limit_cpu_of_phase
 from .channel import Channel, ClientText, claim_stdout
-from .warm import warm_up
+
+STAGE = '#usda 1.0\ndef Cube "cube" {\n}\n'
+
+
+def warm_up(kind: str, folder: Path) -> None:
+    """Warm up; `folder` is for files that are removed afterwards."""
+    from primray import usd
+    from primray.composition import Composition
+    from primray.diagnostics import Diagnostics
+
+    stage = folder / "warm.usda"
+    stage.write_text(STAGE)
+    if kind == "check":
+        from . import check  # noqa: F401
+
+        usd.open_stage(str(stage), Diagnostics(), Composition())
+    else:
+        _render(stage, folder)
+    stage.unlink()
+
+
+def _render(stage: Path, folder: Path) -> None:
+    from primray import core
+    from primray.render import render
+    from primray.settings import RenderSettings
+
+    from . import render_task  # noqa: F401
+
+    core.build_digest()
+    image = render(str(stage), RenderSettings(resolution=(16, 16), spp=2, threads=1))
+    for name in ("warm.exr", "warm.png"):
+        image.save(folder / name).unlink()
+
 
 Do = Callable[[Mapping[str, Any], Path, Path, Channel], None]
 
@@ -94,8 +130,7 @@ def renders() -> Do:
     these."""
     from .merge_task import merge_parts
     from .product_task import render_products
-    from .render_task import render_frame
-    from .stage_of_frames import StageOfFrames
+    from .render_task import StageOfFrames, render_frame
 
     stages = StageOfFrames()
 

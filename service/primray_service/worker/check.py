@@ -1,12 +1,18 @@
-"""The check of a scene: an upload is examined once, so that jobs fail early and the page knows what to offer.
+"""The check of a scene: it is examined once, so that jobs fail early and the page knows what to offer.
 
-First every layer is examined alone (its asset paths, its depth, the number of prims it expands to), then the composed stage. A
-Problem ends the check and refuses the scene; what can be rendered anyway is a warning. It is the sandbox that keeps hostile
-scenes in; the check only makes clear messages of what it finds.
+First every layer of an upload is examined alone (its asset paths, its depth, the number of prims it expands to), then the
+composed stage. A Problem ends the check and refuses the scene; what can be rendered anyway is a warning. A stage on shared
+storage is examined likewise: its references stay in its shared root, and it can be composed; messages name the layer at
+fault.
+
+It is the sandbox that keeps hostile scenes in: a worker sees only its job's folder, or only the root of shared storage. The
+check only makes clear messages of what it finds.
 """
 
 from __future__ import annotations
 
+import os
+import posixpath
 from collections.abc import Collection, Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -14,6 +20,7 @@ from typing import Any, Protocol
 
 from primray.diagnostic_codes import CODES, Kind
 from primray.errors import AssetError, StageOpenError
+from primray.usd import dependencies
 from primray.usd.inspect.layer_content import DAMAGED as DAMAGED_LAYER
 from primray.usd.inspect.layer_content import LayerContent, expansion, layer_content, nesting_depth
 from primray.usd.inspect.scene_facts import MissingLayer, SceneFacts, layer_file, scene_facts
@@ -22,11 +29,20 @@ from primray.usd.materials.materialx.substitute_layers import is_document
 
 from ..limits import Limits
 from ..problems import Problem
-from ..scenes.entries import candidates, choose
-from ..scenes.entries import layers as layers_of
-from ..scenes.recognize import without_layers
-from .asset_paths import Found, find, refuse_expression, split_package
-from .package import Container, File, read_file, read_folder, scene_layers
+from ..scenes.recognize import candidates, choose, without_layers
+from ..scenes.recognize import layers as layers_of
+from .package import (
+    SCHEME,
+    Container,
+    File,
+    Found,
+    find,
+    read_file,
+    read_folder,
+    refuse_expression,
+    scene_layers,
+    split_package,
+)
 
 SHARED = "shared"
 MOST_WARNINGS = 300
@@ -46,8 +62,6 @@ def check_scene(command: Mapping[str, Any], job: Path, out: Path, channel: Sends
     """Check a scene and send its warnings, then its `facts`; raise Problem if the scene is refused."""
     check = _Check(command, job, channel)
     if command["kind"] == SHARED:
-        from .check_shared import check_shared
-
         check_shared(command, channel)
         return
     channel.send("phase", phase="opening")
@@ -301,3 +315,83 @@ def _root_layer(files: Container, name: str) -> str:
 
 def _layer_of(found: Found | None) -> str | None:
     return None if found is None else _root_layer(found.container, found.file.name)
+
+
+LAYERS = (".usd", ".usda", ".usdc")
+
+
+def check_shared(command: Mapping[str, Any], channel: Sends) -> None:
+    """Check a stage; Problem if it is refused; else sends `facts`, after its warnings."""
+    channel.send("phase", phase="opening")
+    root, stage = Path(command["root"]), Path(command["file"])
+    limits = limits_of(command.get("limits") or {})
+    _refuse_deep_text(stage, root, limits)
+    found = dependencies(str(stage))
+    layers = [file for file in found.files if file.lower().endswith(LAYERS)]
+    if len(layers) > limits.layers:
+        raise too_large("layers", len(layers), limits.layers)
+    for file in found.files:
+        _refuse_outside(file, root)
+    for layer in layers:
+        _refuse_paths_out(layer, root)
+    channel.leave("facts", **_facts(stage, root, found.files, limits, Warnings(channel)))
+
+
+def _facts(stage: Path, root: Path, files: tuple[str, ...], limits: Limits, warnings: Warnings) -> dict[str, Any]:
+    try:
+        composed = scene_facts(stage)
+    except DAMAGED:
+        raise damaged(_shown(str(stage), root)) from None
+    if composed.used_layers > limits.layers:
+        raise too_large("layers", composed.used_layers, limits.layers)
+    if composed.missing and composed.drawable == 0:
+        first = composed.missing[0]
+        said = next(note.detail for note in composed.notes if note.code == "composition-error")
+        layer, path = _shown(first.layer, root), _shown(first.asset_path, root)
+        raise Problem("asset-missing", f"{said} Nothing else is in the scene.", layer=layer, asset_path=path)
+    for note in composed.notes:
+        warnings.warn(note.code, note.prim, note.detail, note.severity, note.attribute)
+    listed = [{"name": _shown(file, root), "bytes": os.path.getsize(file)} for file in files[:MOST_LISTED]]
+    package = {"entry": None, "entries": [], "layers": [], "files": listed, "file_count": len(files)}
+    return {**package, **composed.facts}
+
+
+def _refuse_deep_text(stage: Path, root: Path, limits: Limits) -> None:
+    with stage.open("rb") as file:
+        is_text = file.read(6).startswith(b"#usda ")
+    if is_text:
+        depth = nesting_depth(stage, limits.prim_depth, 0, stage.stat().st_size)
+        if depth > limits.prim_depth:
+            raise too_large("nested brackets", depth, limits.prim_depth, layer=_shown(str(stage), root))
+
+
+def _refuse_paths_out(layer: str, root: Path) -> None:
+    """Refuse paths that lead outside, by their text and by links."""
+    try:
+        content = layer_content(layer, _shown(layer, root))
+    except (StageOpenError, *DAMAGED):
+        return  # composition reports what is wrong with it
+    for path in content.asset_paths:
+        outer = split_package(path)[0].replace("\\", "/")
+        place = posixpath.normpath(posixpath.join(posixpath.dirname(layer), outer))
+        leads_out = bool(SCHEME.match(outer)) or not Path(place).is_relative_to(root)
+        if leads_out or not Path(os.path.realpath(place)).is_relative_to(root):
+            raise _outside(_shown(layer, root), path)
+
+
+def _refuse_outside(file: str, root: Path) -> None:
+    """Refuse a file that was opened through a search path, or through a link that only composition followed."""
+    if not Path(os.path.realpath(file.partition("[")[0])).is_relative_to(root):
+        raise _outside(_shown(file, root), posixpath.basename(file))
+
+
+def _outside(layer: str, path: str) -> Problem:
+    detail = f"The layer {layer!r} names {path!r}, which is outside the shared root."
+    return Problem("asset-path-outside-job", detail, layer=layer, asset_path=path)
+
+
+def _shown(path: str, root: Path) -> str:
+    """Return a path as the client knows it: below the root; otherwise its last component."""
+    if Path(path).is_relative_to(root):
+        return Path(path).relative_to(root).as_posix()
+    return path if not path.startswith("/") else f".../{posixpath.basename(path)}"

@@ -27,9 +27,8 @@ from primray.settings import RenderSettings
 from ..problems import Problem
 from .channel import Channel
 from .outputs import described, picture_files_of, to_send, write_picture, write_report
-from .render_task import REPORT_BYTES, Run, check_view_of, limit_images, settings_of, within_limits
+from .render_task import REPORT_BYTES, Run, StageOfFrames, check_view_of, limit_images, settings_of, within_limits
 from .render_watch import Numbers, Phases, Share, Warnings
-from .stage_of_frames import StageOfFrames
 
 MOST_PRODUCTS = 60  # per frame, each a file
 SPENT = "spent.json"  # in a checkpoint: seconds of sampling of each render

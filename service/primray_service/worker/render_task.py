@@ -1,7 +1,7 @@
 """One frame from its last checkpoint until it ends, is preempted or is stopped, with reports of its progress.
 
 primray's own code does the work (render.prepare, Sampling, Saver); here it is monitored, paused and stored. A frame's pixels do
-not depend on how often that happened.
+not depend on how often that happened. A worker that renders several frames of a job opens their stage once.
 """
 
 from __future__ import annotations
@@ -16,7 +16,11 @@ from primray.checkpoints.checkpointing import Saver, begin
 from primray.description.picture_file import PictureView
 from primray.diagnostics import Diagnostics
 from primray.images.background import behind_previews
-from primray.render import Prepared, picture_of
+from primray.incremental.scene import KeptStage
+from primray.incremental.steps import KEPT_PART
+from primray.process_memory import resident_bytes
+from primray.render import Prepared, picture_of, prepare
+from primray.render.prepare import OpenedStage, composing_settings
 from primray.report.report import Costs
 from primray.sampling.sampling import Sampling
 from primray.settings import RenderSettings, files_of_jobs, settings_as_json, settings_of_json
@@ -26,7 +30,47 @@ from ..sandbox import end_phase
 from .channel import Channel
 from .outputs import DEFAULT_NAMES, PictureFiles, described, picture_files_of, to_send, write_pictures, write_report
 from .render_watch import Numbers, Phases, Share, Warnings, Watch
-from .stage_of_frames import StageOfFrames
+
+
+class StageOfFrames:
+    """The open stage. Create it before the stage is opened: memory in use by then, mostly libraries, does not count as the
+    stage's."""
+
+    def __init__(self) -> None:
+        self._kept: KeptStage | None = None
+        self._file = ""
+        self._bytes_before = resident_bytes()
+
+    def prepare(
+        self, file: str, settings: RenderSettings, costs: Costs, diagnostics: Diagnostics, *, more_follow: bool
+    ) -> Prepared:
+        """Prepare a frame like render.prepare, for a checkpoint. Nothing is kept of the last frame beyond itself."""
+        found, self._kept = self._kept, None
+        if found is None or not self._has(found, file, settings):
+            with costs.stage("open"):
+                found = KeptStage(file, settings)
+            if not more_follow:
+                opened = found.opened
+                return prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, fingerprinted=True)
+        prepared = found.prepare(settings, costs, diagnostics, fingerprinted=True)
+        if more_follow and self._is_small(settings.max_memory_bytes):
+            self._kept, self._file = found, file
+        return prepared
+
+    def opened(self, file: str, settings: RenderSettings, costs: Costs) -> OpenedStage:
+        """Return the stage, which the next `prepare` uses."""
+        if self._kept is None or not self._has(self._kept, file, settings):
+            self._kept = None
+            with costs.stage("open"):
+                self._kept, self._file = KeptStage(file, settings), file
+        return self._kept.opened
+
+    def _has(self, found: KeptStage, file: str, settings: RenderSettings) -> bool:
+        return (self._file, found.opened.composed_by) == (file, composing_settings(settings))
+
+    def _is_small(self, most_bytes: int | None) -> bool:
+        return most_bytes is None or resident_bytes() - self._bytes_before <= KEPT_PART * most_bytes
+
 
 REPORT_BYTES = 2**20
 

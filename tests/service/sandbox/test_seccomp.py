@@ -11,7 +11,7 @@ import pytest
 from tests.service.sandbox.inside import make_slot, needs, run_inside
 
 from primray_service.sandbox import seccomp
-from primray_service.sandbox.call_numbers import BY_ARGUMENT, LAST_KNOWN, OURS, REFUSED
+from primray_service.sandbox.system_calls import BY_ARGUMENT, LAST_KNOWN, OURS, REFUSED
 
 HEADERS = ("/usr/include/x86_64-linux-gnu/asm/unistd_64.h", "/usr/include/asm-generic/unistd.h")
 PID = 4711

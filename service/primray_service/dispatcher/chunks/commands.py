@@ -17,8 +17,7 @@ from ...jobs import Frame, Job, Json, Part, Scene
 from ...limits import Limits
 from ...problems import Problem
 from ...scenes import shared
-from ...scenes.entries import choose
-from ...scenes.recognize import file_name
+from ...scenes.recognize import choose, file_name
 from ...shared_roots import SharedFile, shared_name
 from ..context import Context
 

@@ -18,7 +18,7 @@ from ...http.file_answer import Stored, file_answer
 from ...http.routing import Router
 from ...jobs import Json, Output
 from ...problems import Problem
-from ...scenes.digests import sha256_header
+from ...scenes.receive import sha256_header
 from .jobs import JobId, found
 
 router = Router("/v1/jobs", tag="outputs")

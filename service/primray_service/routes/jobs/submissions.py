@@ -24,8 +24,7 @@ from ...http.routing import Router
 from ...http.uploads import receive_scene, refused
 from ...jobs import TERMINAL, Job, Scene, SceneState
 from ...problems import Problem
-from ...scenes.entries import choose
-from ...scenes.recognize import MEDIA_TYPES, job_name
+from ...scenes.recognize import MEDIA_TYPES, choose, job_name
 from ...service import Service
 from ...store.base import Conflict, KeyReused
 from ...webhooks import accepted_webhook

@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from tests.service.worker.check.checking import SPHERE, Checked, Files, check_many, usda
+from tests.service.worker.checking import SPHERE, Checked, Files, check_many, usda
 
 from primray_service.sandbox import usable_layers
 

@@ -9,7 +9,7 @@ from io import BytesIO
 from pathlib import Path
 
 import pytest
-from tests.service.worker.check.checking import SPHERE, Checked, Files, check, check_many, run, usda, usdz, write
+from tests.service.worker.checking import SPHERE, Checked, Files, check, check_many, run, usda, usdz, write
 
 SHADER = 'def Shader "a" {\n  asset inputs:file = @PATH@\n}\n'
 

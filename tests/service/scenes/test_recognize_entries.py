@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from primray_service.problems import Problem
-from primray_service.scenes.entries import candidates, choose
+from primray_service.scenes.recognize import candidates, choose
 
 
 @pytest.mark.parametrize(

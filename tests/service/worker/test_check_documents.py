@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.service.worker.check.checking import SPHERE, Checked, Files, check_many, usda
+from tests.service.worker.checking import SPHERE, Checked, Files, check_many, usda
 
 SCENE = usda('def "looks" (references = @looks.mtlx@</MaterialX/Materials>) {\n}\n' + SPHERE)
 IMAGE = """<materialx version="1.39"{prefix}>{includes}

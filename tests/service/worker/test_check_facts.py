@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.service.worker.check.checking import SPHERE, Checked, Files, check, usda
+from tests.service.worker.checking import SPHERE, Checked, Files, check, usda
 
 from primray.diagnostic_codes import Kind
 

@@ -9,8 +9,8 @@ from primray.diagnostics import Diagnostics
 from primray.report.report import Costs
 from primray.settings import RenderSettings
 from primray_service.limits import GiB
-from primray_service.worker import stage_of_frames
-from primray_service.worker.stage_of_frames import StageOfFrames
+from primray_service.worker import render_task
+from primray_service.worker.render_task import StageOfFrames
 
 BASE = 300 * 2**20  # of libraries
 
@@ -31,8 +31,8 @@ def test_what_counts_is_what_came_with_the_stage(
     """Not the libraries, which take more than an eighth of 1 GiB."""
     file = tmp_path_factory.mktemp("job") / "room.usda"
     file.write_text(ROOM)
-    monkeypatch.setattr(stage_of_frames, "resident_bytes", lambda: BASE)
+    monkeypatch.setattr(render_task, "resident_bytes", lambda: BASE)
     stages = StageOfFrames()
-    monkeypatch.setattr(stage_of_frames, "resident_bytes", lambda: BASE + grown)
+    monkeypatch.setattr(render_task, "resident_bytes", lambda: BASE + grown)
     assert opened(stages, str(file), GiB)
     assert opened(stages, str(file), GiB) is not stays

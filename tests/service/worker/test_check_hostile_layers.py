@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from pxr import Sdf, Usd
-from tests.service.worker.check.checking import CRASHES, SPHERE, Files, check, check_many, run, usda, write
+from tests.service.worker.checking import CRASHES, SPHERE, Files, check, check_many, run, usda, write
 
 
 def bomb(levels: int, metadata: str = "") -> str:
