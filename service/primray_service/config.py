@@ -10,7 +10,7 @@ from pathlib import Path
 
 from primray.errors import SettingsError
 
-from .executor import by_name
+from .executor.base import DEFAULT_EXECUTOR, check_executor_name
 from .limits import Limits, Quotas
 from .shared_roots import SharedRoots
 
@@ -36,7 +36,7 @@ class ServeConfig:
     quotas: Quotas = field(default_factory=Quotas)  # for tenants whose keys set none
     shared_roots: SharedRoots = field(default_factory=SharedRoots)  # shared storage whose stages jobs may name
     slots: int | None = None  # concurrent renders; None: one for every eight cores
-    executor: str = by_name.DEFAULT  # name in executor/by_name.py
+    executor: str = DEFAULT_EXECUTOR  # name in the table of executor/base.py
     cores: int | None = None  # None: all that this process may use
     # Ray executor: the cluster (HOST:PORT, or auto: the one this machine belongs to), cores of a node for each render (None: 8,
     # or all of the smallest node's), and labels, NAME=VALUE, that nodes must have.
@@ -56,7 +56,7 @@ class ServeConfig:
 
     def __post_init__(self) -> None:
         """Validate the executor, labels and origins; raises SettingsError."""
-        by_name.check_name(self.executor)
+        check_executor_name(self.executor)
         if self.objects is not None and self.database is None:
             said = "servers that share an object store must share a database: give --database postgresql+psycopg://..."
             raise SettingsError(said, where="database", code="objects-database")

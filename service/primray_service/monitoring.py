@@ -31,8 +31,8 @@ from primray import __version__
 from .jobs import JobState
 
 if TYPE_CHECKING:
-    from .dispatcher.metrics import Metrics as DispatcherMetrics
-    from .dispatcher.metrics import Timings
+    from .dispatcher.context import Metrics as DispatcherMetrics
+    from .dispatcher.context import Timings
     from .service import Service
 
 

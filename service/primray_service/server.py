@@ -26,7 +26,7 @@ from .app import create_app
 from .changes import Changes, SharedReads
 from .config import ServeConfig
 from .dispatcher import Dispatcher
-from .executor.by_name import executor_maker
+from .executor.base import executor_maker
 from .files import DataDirectory
 from .http.answers import json_bytes
 from .limits import Limits

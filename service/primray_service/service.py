@@ -20,7 +20,7 @@ from .files import DataDirectory
 from .jobs import Job, Json
 from .limits import Limits, Quotas
 from .pictures.encoder import PictureEncoder
-from .queue.positions import Positions
+from .queue.estimates import Positions
 from .quotas import TenantQuotas
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import pytest
 from primray_service.cli.limit_options import limits_of
 from primray_service.cli.serve import serve
 from primray_service.config import LABEL
-from primray_service.executor import by_name
+from primray_service.executor.base import DEFAULT_EXECUTOR, check_executor_name
 
 
 def flags_of(words: Sequence[str]) -> dict[str, str]:
@@ -36,7 +36,7 @@ def check_serve_flags(words: Sequence[str]) -> None:
     get_command(app).make_context("serve", [*words])
     flags = flags_of(words)
     limits_of([flags["--limit"]] if "--limit" in flags else [])
-    by_name.check_name(flags.get("--executor", by_name.DEFAULT))
+    check_executor_name(flags.get("--executor", DEFAULT_EXECUTOR))
     assert LABEL.fullmatch(flags.get("--ray-label", "a=b"))
 
 

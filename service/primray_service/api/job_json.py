@@ -32,7 +32,7 @@ NOTHING_YET: Json = {
 
 
 def job_json(job: Job, queue: Json | None = None) -> Json:
-    """Return a job's JSON; `queue` is the job's position as queue/positions.py computes it."""
+    """Return a job's JSON; `queue` is the job's position as queue/estimates.py computes it."""
     here = f"/v1/jobs/{job.id}"
     return {
         "id": job.id,

@@ -129,11 +129,11 @@ def serve(
     """Start a render service: an HTTP API and a page. Ctrl-C stops it; jobs continue when it is started again."""
     need_extra("serve")
     from ..config import ServeConfig
-    from ..executor import by_name
+    from ..executor.base import DEFAULT_EXECUTOR
     from ..shared_roots import roots_of
 
     check_networks(webhook_network or [])
-    where = executor or os.environ.get("PRIMRAY_EXECUTOR") or by_name.DEFAULT
+    where = executor or os.environ.get("PRIMRAY_EXECUTOR") or DEFAULT_EXECUTOR
     ray = check_ray(where, {"--ray-address": ray_address, "--ray-cores": ray_cores, "--ray-label": ray_label})
     folder, objects = places(data, cache)
     chosen_limits, quotas = limit_options.limits_of(limit or [])

@@ -3,12 +3,14 @@
     dispatcher.py   acquires the lease when it is free, and runs a scheduler while it is held
     lease.py        the lease and its renewal
     scheduler.py    one hold of the lease: claims, checks, cancellations, preemption, and which frames are rendered as parts
-    preemption.py   which running frames are preempted by which waiting jobs (queue/turns.py: whose frame is next)
     frames/         frames that run, their progress and how they end
+    parts/          a frame that is rendered as several parts at a time
     chunks/         chunks: their commands and input files, messages from workers, adoption of the files that they leave
     checks.py       the check of a scene
     retention.py    removal of what is expired or unused
-    context.py      what all of these share, and their calls of the store and the disk; metrics.py: counts
+    context.py      what all of these share: calls of the store and the disk, counters
+
+queue/order.py decides whose frame is next, and which running frames are preempted.
 
 Crash safety: a file is on the disk before a row names it; names are not reused; rows change under the fence of the lease; and
 lost samples are rendered again, with the same bits.

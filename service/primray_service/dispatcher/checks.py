@@ -15,7 +15,7 @@ from ..problems import Problem
 from .chunks import commands, messages
 from .chunks.chunk_run import LEAVE_S
 from .chunks.commands import stage_inputs
-from .chunks.inbox import MOST_WARNINGS
+from .chunks.messages import MOST_WARNINGS
 from .context import Context
 from .frames import outcomes
 

@@ -14,11 +14,10 @@ from ..files import DataDirectory
 from ..ids import ulid
 from ..jobs import Json
 from ..limits import Limits, Quotas
-from ..queue.rates import Rates
+from ..queue.estimates import Rates
 from ..store.base import Store
-from .context import Calls, Context
+from .context import Calls, Context, Metrics
 from .lease import Lease
-from .metrics import Metrics
 from .scheduler import Scheduler
 
 LOG = logging.getLogger(__name__)

@@ -15,16 +15,16 @@ from typing import Any
 
 from primray.distributed.planner import FEWEST
 
-from ..executor.end_tasks import end_tasks
+from ..executor.base import end_tasks
+from ..queue.order import frames_to_preempt
 from ..store.base import Claim, Lost
 from .checks import check_scene
 from .context import Context
-from .frames.parts.parallel_frame import ParallelFrame
-from .frames.parts.plan import rules_of
+from .frames.job_progress import SharedJobs
 from .frames.running import RunningFrame
-from .frames.shared_jobs import SharedJobs
 from .lease import Lease
-from .preemption import frames_to_preempt
+from .parts.parallel_frame import ParallelFrame
+from .parts.plan import rules_of
 from .retention import Retention
 
 LOG = logging.getLogger(__name__)

@@ -1,2 +1,2 @@
-"""Executors run the chunks of jobs: base.py is the interface for the dispatcher, by_name.py chooses one, local.py runs
-processes on this machine."""
+"""Executors run the chunks of jobs: base.py is the interface for the dispatcher and the table of executors, local.py runs
+processes on this machine, ray/ tasks of a cluster."""

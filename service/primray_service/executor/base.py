@@ -4,14 +4,20 @@ A chunk is one process's work: the check of a scene; a frame or a part of one, f
 receives a yield command; or a merge of parts. Its worker sends messages (worker/protocol.py) while it runs and leaves files
 in a folder. Delivery is at least once: after a server or a node died the same chunk may run twice, even at the same time;
 results are adopted once (store.accept_checkpoint, accept_part).
+
+The table of executors is by their configuration name; a module is imported when its executor is created.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import asyncio
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
+
+from primray.errors import SettingsError
 
 from ..jobs import Json
 
@@ -107,3 +113,38 @@ class Executor(Protocol):
 
     async def close(self) -> None:
         """End every chunk and wait for their processes."""
+
+
+DEFAULT_EXECUTOR = "local"
+# "module:function" beside this file; the function makes an executor from a ServeConfig and a DataDirectory.
+EXECUTORS: Mapping[str, str] = {
+    "local": "local:local_executor",
+    "ray": "ray.executor:ray_executor",
+}
+
+
+def check_executor_name(name: str) -> None:
+    if name not in EXECUTORS:
+        raise SettingsError(f"there is no executor {name!r}; there are: {', '.join(EXECUTORS)}", code="executor")
+
+
+def executor_maker(name: str) -> Callable[..., Executor]:
+    module, _, function = EXECUTORS[name].partition(":")
+    make: Callable[..., Executor] = getattr(import_module(f".{module}", __package__), function)
+    return make
+
+
+AGAIN_AFTER_S = 1.0
+
+
+async def end_tasks(tasks: Collection[asyncio.Task[Any]]) -> None:
+    """Cancel the tasks until none runs.
+
+    Once is not enough: before Python 3.12, asyncio.wait_for swallows a cancellation that arrives at the moment its awaitable
+    completes, and a task that calls it repeatedly would run for ever.
+    """
+    left = {task for task in tasks if not task.done()}
+    while left:
+        for task in left:
+            task.cancel()
+        _, left = await asyncio.wait(left, timeout=AGAIN_AFTER_S)

@@ -17,11 +17,10 @@ from ..ids import ulid
 from ..jobs import Json
 from ..limits import Limits
 from ..problems import Problem
-from ..sandbox import spawn
-from . import watchdog
+from ..sandbox import layers
+from . import process
 from .base import Capacity, Chunk, Handle, OnMessage
-from .local_run import Run
-from .local_worker import KINDS, SandboxLayers, Worker
+from .local_worker import KINDS, Run, SandboxLayers, Worker
 from .slots import Slots
 
 LOG = logging.getLogger(__name__)
@@ -131,7 +130,7 @@ class LocalExecutor:
         """Dismiss an idle worker when its time is over, or if it uses the CPU: it has nothing to do."""
         if worker.chunks != chunks or worker not in self._staying:
             return
-        used = watchdog.used_by(worker.process.pid)
+        used = process.used_by(worker.process.pid)
         is_busy = cpu_s is not None and used.cpu_s - cpu_s > IDLE_CPU_S
         left_s = until - time.monotonic()
         if left_s <= 0 or is_busy or used.rss_bytes > worker.memory_bytes:
@@ -163,7 +162,7 @@ class LocalExecutor:
 
     def _layers(self) -> dict[str, str]:
         wanted = self._sandbox_layers.layers
-        return {name: state if wanted is None or name in wanted else "off: by choice" for name, state in spawn().items()}
+        return {name: state if wanted is None or name in wanted else "off: by choice" for name, state in layers().items()}
 
     async def close(self) -> None:
         self._closing = True

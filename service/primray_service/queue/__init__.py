@@ -1,2 +1,2 @@
-"""The queue of jobs: order.py is the order, turns.py the next claims, estimate.py start times, rates.py durations, positions.py
-reports to clients."""
+"""The queue of jobs: order.py decides which ones begin next and which running frames yield (pure), estimates.py has their
+positions and estimated starts, for clients."""

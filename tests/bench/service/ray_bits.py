@@ -17,7 +17,7 @@ import httpx2
 from tests.bench.results import write_results
 from tests.bench.service.load import serving
 from tests.service.api import finished, submit, upload
-from tests.service.ray.cluster import RunningCluster
+from tests.service.executor.ray.cluster import RunningCluster
 
 import primray
 from primray import RenderSettings

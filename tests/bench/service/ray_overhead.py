@@ -21,7 +21,7 @@ import httpx2
 from tests.bench.results import write_results
 from tests.bench.service.load import serving
 from tests.service.api import Json, finished, submit, upload
-from tests.service.ray.cluster import RunningCluster
+from tests.service.executor.ray.cluster import RunningCluster
 
 from primray_service.limits import GiB
 

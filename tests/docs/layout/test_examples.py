@@ -35,7 +35,7 @@ from primray_service import app
 from primray_service.api.models import members_of
 from primray_service.cli.submit import members_of as members_of_values
 from primray_service.cli.submit import submit
-from primray_service.executor import by_name
+from primray_service.executor import base
 from primray_service.http.described import answer
 from primray_service.http.openapi import openapi
 from primray_service.http.routing import Router
@@ -116,9 +116,9 @@ def test_the_member_of_a_setting():
 
 
 def test_an_executor(monkeypatch):
-    monkeypatch.setitem(by_name.EXECUTORS, "worked", by_name.EXECUTORS["local"])
-    by_name.check_name("worked")
-    assert by_name.executor_maker("worked") is by_name.executor_maker("local")
+    monkeypatch.setitem(base.EXECUTORS, "worked", base.EXECUTORS["local"])
+    base.check_executor_name("worked")
+    assert base.executor_maker("worked") is base.executor_maker("local")
 
 
 def test_a_route(monkeypatch):

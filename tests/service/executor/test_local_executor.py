@@ -10,9 +10,8 @@ from tests.service.executor.contract import ExecutorContract
 
 from primray_service.executor.base import Executor, Handle
 from primray_service.executor.local import LocalExecutor
-from primray_service.executor.local_run import Run
-from primray_service.executor.local_worker import SandboxLayers
-from primray_service.executor.watchdog import innermost
+from primray_service.executor.local_worker import Run, SandboxLayers
+from primray_service.executor.process import innermost
 from primray_service.files import DataDirectory
 from primray_service.limits import GiB, Limits
 

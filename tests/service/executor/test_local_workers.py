@@ -19,8 +19,7 @@ import pytest
 
 from primray_service.executor.base import Chunk, Ended, Message
 from primray_service.executor.local import LocalExecutor
-from primray_service.executor.local_run import Run
-from primray_service.executor.local_worker import SandboxLayers
+from primray_service.executor.local_worker import Run, SandboxLayers
 from primray_service.executor.process import READ_BYTES
 from primray_service.files import DataDirectory
 from primray_service.limits import GiB, Limits, MiB
@@ -107,7 +106,7 @@ def test_what_is_no_message_ends_it(ends: Ends, script: str, why: str) -> None:
 
 
 def test_one_that_does_not_leave(ends: Ends, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("primray_service.executor.local_run.LEAVE_WITHIN_S", 0.3)
+    monkeypatch.setattr("primray_service.executor.local_worker.LEAVE_WITHIN_S", 0.3)
     start = time.monotonic()
     ended, heard = ends(f"{DONE}; time.sleep(60)")
     assert time.monotonic() - start < 20
@@ -151,7 +150,7 @@ def test_that_of_its_children_too(ends: Ends) -> None:
 
 
 def test_cpu_seconds_before_sampling_are_watched(ends: Ends, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("primray_service.executor.local_run.LOAD_WALL_PER_CPU", 1e6)
+    monkeypatch.setattr("primray_service.executor.local_worker.LOAD_WALL_PER_CPU", 1e6)
     ended, _ = ends("while True: pass", load_cpu_s=0.4)
     assert ended.reason == "time-limit"
     assert 0.4 <= ended.cpu_s < 2

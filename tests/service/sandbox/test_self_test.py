@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from tests.service.sandbox.inside import needs
 
-from primray_service.sandbox import self_test, spawn, usable_layers, works
+from primray_service.sandbox import layers, self_test, usable_layers, works
 
 LANDLOCK, BUBBLEWRAP = ("rlimits", "landlock", "seccomp"), ("rlimits", "bubblewrap", "seccomp")
 
 
 def test_layers_say_what_is_on_and_why_not() -> None:
-    found = spawn()
+    found = layers()
     assert list(found) == ["rlimits", "landlock", "seccomp", "bubblewrap"]
     assert all(state.startswith(("on", "off: ")) for state in found.values())
     assert found["rlimits"] == "on"

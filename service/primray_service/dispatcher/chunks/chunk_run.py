@@ -9,8 +9,7 @@ from typing import Any
 
 from ...executor.base import Chunk, Ended, Executor
 from ...jobs import Json
-from .inbox import Inbox
-from .messages import NotBelieved
+from .messages import Inbox, NotBelieved
 
 LEAVE_S = 0.3  # grace period for a worker to exit after its last message
 STAY_S = 2.0  # grace period to get ready for the next chunk, which takes less than starting another worker

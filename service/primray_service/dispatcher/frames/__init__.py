@@ -2,6 +2,5 @@
 
 running.py           a frame while it runs: its chunk and the chunk's messages
 outcomes.py          the outcome of a frame whose chunk has ended (pure); run_completion.py stores it
-parts/               a frame that is rendered as several parts at a time
-progress_reports.py, totals.py   the job's progress, and sums over its frames; shared_jobs.py: state that its frames share
+job_progress.py      state that a job's frames share, and reports of progress; totals.py: sums over its frames
 """

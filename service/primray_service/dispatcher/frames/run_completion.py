@@ -17,8 +17,8 @@ from ..chunks.messages import Done
 from ..context import Context
 from ..lease import TTL_S
 from . import outcomes
+from .job_progress import SharedJob
 from .outcomes import Again, Broken, GivenUp, Outcome
-from .shared_jobs import SharedJob
 from .totals import frame_result, target_warning
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 5.0  # before a retry of a frame whose worker was killed repeatedly

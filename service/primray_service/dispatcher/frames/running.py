@@ -15,17 +15,17 @@ from ... import ids
 from ...executor.base import Ended
 from ...jobs import TERMINAL, Frame, FrameState, Job, JobState
 from ...problems import Problem
-from ...queue.rates import MOST
+from ...queue.estimates import MOST_RATES
+from ...queue.order import Key, Running
 from ...store.base import Claim
 from ..chunks import adoption, commands
 from ..chunks.chunk_run import ChunkRun
 from ..chunks.commands import stage_inputs
 from ..chunks.messages import Checkpoint
 from ..context import Context
-from ..preemption import Key, Running
-from . import progress_reports, run_completion
+from . import job_progress, run_completion
+from .job_progress import SharedJob, SharedJobs
 from .outcomes import Again, Broken, Circumstances, GivenUp, Outcome, Picture, outcome_of
-from .shared_jobs import SharedJob, SharedJobs
 
 SILENT_S = 900.0  # a worker silent for this long is considered hung
 PICTURE_S = 20.0  # to make a canceled frame's picture from its checkpoint
@@ -179,7 +179,7 @@ class RunningFrame:
         finally:
             await self._close()
         if noted is not None:
-            await self._context.calls.store(self._context.store.note_work, self._context.fence, *noted, time.time(), MOST)
+            await self._context.calls.store(self._context.store.note_work, self._context.fence, *noted, time.time(), MOST_RATES)
 
     async def _render(self, reading: asyncio.Task[SharedJob], *, picture_only: bool) -> tuple[Ended | None, Outcome]:
         """Run a chunk of the frame to its end and return the frame's outcome; `Ended` is None if there was no chunk."""
@@ -197,8 +197,8 @@ class RunningFrame:
             ended = await run.ended()
             await self._take_checkpoints(run)
             if (run.inbox.is_urgent or run.inbox.warnings) and self._kill_for not in DROPPED:
-                self.job, self.frame = await progress_reports.report(self._context, shared, self.job, self.frame, run)
-            self.frame = progress_reports.updated(self.frame, run)
+                self.job, self.frame = await job_progress.report(self._context, shared, self.job, self.frame, run)
+            self.frame = job_progress.updated(self.frame, run)
         except BaseException:
             await self._close()
             raise
@@ -245,7 +245,7 @@ class RunningFrame:
         while not run.is_over:
             if shared is None and reading.done():
                 shared = reading.result()
-            wait_s = progress_reports.wait_s(run, shared, loop.time()) if shared is not None else 0.05
+            wait_s = job_progress.wait_s(run, shared, loop.time()) if shared is not None else 0.05
             if wait_s != 0.0:
                 await run.news(LOOK_S if wait_s is None else min(wait_s, LOOK_S))
             if first_sample and run.inbox.sampling_since is not None:
@@ -255,8 +255,8 @@ class RunningFrame:
             if shared is None:
                 continue
             await self._take_preview(run, shared)
-            if not run.is_over and progress_reports.wait_s(run, shared, loop.time()) == 0.0:
-                job, self.frame = await progress_reports.report(context, shared, self.job, self.frame, run)
+            if not run.is_over and job_progress.wait_s(run, shared, loop.time()) == 0.0:
+                job, self.frame = await job_progress.report(context, shared, self.job, self.frame, run)
                 self.saw(job)
             self._watch(run)
         shared = shared or await reading
@@ -342,7 +342,7 @@ class RunningFrame:
         except OSError:
             return  # the disk is full; pictures do not depend on previews
         if taken:
-            await progress_reports.tell_preview(context, shared, self.frame, preview.number)
+            await job_progress.tell_preview(context, shared, self.frame, preview.number)
 
     async def _settle(self, shared: SharedJob, ended: Ended | None, outcome: Outcome) -> None:
         run, context = self._run, self._context

@@ -22,8 +22,7 @@ from ...jobs import Json
 from ...limits import Limits
 from ...problems import Problem
 from ...worker.protocol import LAST
-from ..base import Capacity, Chunk, Ended, Handle, OnMessage
-from ..end_tasks import end_tasks
+from ..base import Capacity, Chunk, Ended, Handle, OnMessage, end_tasks
 from ..slots import Slot, Slots
 from . import protocol
 from .link import Link, NotConnected

@@ -380,7 +380,7 @@ leader = Table(
     Column("about", Document),  # capabilities of its executor, for the servers that only answer
 )
 
-# Recent durations of frames by work (queue/rates.py), for a bounded number of works.
+# Recent durations of frames by work (queue/estimates.py), for a bounded number of works.
 work_seconds = Table(
     "work_seconds",
     metadata,

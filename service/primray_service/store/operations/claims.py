@@ -17,9 +17,8 @@ from sqlalchemy import Connection, Double, Integer, Select, Text, bindparam, del
 from ...ids import ulid
 from ...jobs import Frame, FrameState, Job, JobState
 from ...limits import Quotas
-from ...queue.order import Waiting
-from ...queue.rates import work_of_text
-from ...queue.turns import Head, Line, Plan, Tenant, last_turn
+from ...queue.estimates import work_of_text
+from ...queue.order import Head, Line, Plan, Tenant, Waiting, last_turn
 from ..base import Claim, Lost, QueueNow
 from ..database import schema
 from ..database.engine import Database, Operations, Transaction

@@ -20,8 +20,7 @@ from .. import protocol
 from ..link import NotConnected
 from ..node.fitness import wanted_here
 from ..node.tasks import mailbox_actor
-from .cluster import Cluster
-from .connection import connect, what_runs
+from .cluster import Cluster, connect, what_runs
 from .contents import Contents
 from .given_chunk import GivenChunk
 
