@@ -6,8 +6,19 @@ import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from primray_service.api.operations import Answer, Body, Member, Operation, Ref, Words, members, operations
-from primray_service.api.pages import SERVER, curl_example, python_example
+from primray_service.api.reference import (
+    SERVER,
+    Answer,
+    Body,
+    Member,
+    Operation,
+    Ref,
+    Words,
+    curl_example,
+    members,
+    operations,
+    python_example,
+)
 
 HEAD = """# HTTP reference
 

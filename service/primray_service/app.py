@@ -14,11 +14,8 @@ from .http.guard import Measured, OriginGuard, RequestGuard, allow_origins
 from .http.routing import Operation, Router, path_of
 from .monitoring import RequestMetrics, instrument
 from .quotas import RequestRates
-from .routes import account, documents, health, keys, metrics, packages, page, scenes, sessions
-from .routes.admin import jobs as admin_jobs
-from .routes.admin import tenants as admin_tenants
-from .routes.admin import workers as admin_workers
-from .routes.jobs import convergence, events, frames, interventions, jobs, logs, outputs, previews, submissions
+from .routes import account, admin_jobs, admin_tenants, documents, health, keys, packages, page, scenes
+from .routes.jobs import events, frames, interventions, jobs, outputs, previews, submissions
 from .service import Service
 
 # All routers, in the document's order. The first one with a matching path answers.
@@ -30,18 +27,18 @@ ROUTERS: tuple[Router, ...] = (
     interventions.router,
     events.router,
     frames.router,
-    convergence.router,
+    frames.convergence_router,
     previews.router,
     outputs.router,
-    logs.router,
+    frames.log_router,
     keys.router,
     admin_jobs.router,
     admin_tenants.router,
-    admin_workers.router,
-    sessions.router,
+    admin_jobs.workers_router,
+    keys.sessions_router,
     account.router,
     health.router,
-    metrics.router,
+    health.metrics_router,
     documents.router,
     page.router,
 )

@@ -1,1 +1,2 @@
-"""What clients send and get, without HTTP: models.py what is sent, the views what is answered, job_json.py makes it."""
+"""What clients send and get, without HTTP: models.py is what is sent, views.py what is answered, job_json.py
+makes it; reference.py is the reference of all operations."""

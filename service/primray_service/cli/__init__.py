@@ -1,9 +1,8 @@
-"""The service's commands of `primray`, one file each; renderer/primray/cli/app.py finds them through COMMANDS.
+"""The service's commands of `primray`; renderer/primray/cli/app.py finds them through COMMANDS.
 
     serve.py                                    start a service (help texts of its limits: limit_options.py)
     submit.py, scene_file.py                    send a scene with the files it refers to, and create a job
-    status.py, watch.py, fetch.py               show jobs, follow them, download their pictures
-    interventions.py                            cancel, pause and resume jobs, render frames again
+    jobs.py                                     show jobs, follow them, download their pictures; cancel, pause, resume, retry
     admin.py                                    jobs of all tenants, workers, usage, quotas
     farm.py                                     nodes of a Ray cluster and what runs there, without a service
     ../live/command.py                          show a stage in a browser
@@ -19,13 +18,13 @@ from __future__ import annotations
 COMMANDS = {
     "serve": ("primray_service.cli.serve:serve", "Start a render service."),
     "submit": ("primray_service.cli.submit:submit", "Send a scene to a render service."),
-    "status": ("primray_service.cli.status:status", "Show a service's jobs, or one job."),
-    "watch": ("primray_service.cli.watch:watch", "Follow a job until it has ended."),
-    "fetch": ("primray_service.cli.fetch:fetch", "Download a job's files."),
-    "cancel": ("primray_service.cli.interventions:cancel", "Cancel jobs; their pictures so far are kept."),
-    "pause": ("primray_service.cli.interventions:pause", "Pause jobs and free their workers."),
-    "resume": ("primray_service.cli.interventions:resume", "Resume paused jobs."),
-    "retry": ("primray_service.cli.interventions:retry", "Render frames of a job again."),
+    "status": ("primray_service.cli.jobs:status", "Show a service's jobs, or one job."),
+    "watch": ("primray_service.cli.jobs:watch", "Follow a job until it has ended."),
+    "fetch": ("primray_service.cli.jobs:fetch", "Download a job's files."),
+    "cancel": ("primray_service.cli.jobs:cancel", "Cancel jobs; their pictures so far are kept."),
+    "pause": ("primray_service.cli.jobs:pause", "Pause jobs and free their workers."),
+    "resume": ("primray_service.cli.jobs:resume", "Resume paused jobs."),
+    "retry": ("primray_service.cli.jobs:retry", "Render frames of a job again."),
     "view": ("primray_service.live.command:view", "Show a stage in a browser."),
     "farm": ("primray_service.cli.farm:farm", "Show a Ray cluster's nodes and running chunks."),
     "keys": ("primray_service.cli.keys:keys", "Make, list and revoke API keys."),

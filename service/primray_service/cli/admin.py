@@ -13,8 +13,8 @@ from primray.cli.console import print_line
 
 from .connection import Json, KeyFile, Labels, Server, connected, labels_of
 from .exits import USAGE, CommandError
-from .interventions import Job, Jobs, show
 from .job_text import block, percent_text, place_text, plain, seconds_text, state_text
+from .jobs import JobId, JobIds, print_job
 from .limit_options import quota_of
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def _row(job: JobDocument) -> tuple[str, ...]:
 
 
 @admin.command()
-def job(job: Job, server: Server = None, key_file: KeyFile = None) -> None:
+def job(job: JobId, server: Server = None, key_file: KeyFile = None) -> None:
     """Show one job of any tenant."""
     with connected("admin job", server, key_file) as client:
         found = client.admin.job(job)
@@ -71,32 +71,32 @@ def job(job: Job, server: Server = None, key_file: KeyFile = None) -> None:
 
 
 @admin.command()
-def cancel(jobs: Jobs, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
+def cancel(jobs: JobIds, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
     """Cancel jobs of any tenant; the pictures rendered so far are kept."""
     with connected("admin cancel", server, key_file) as client:
         for job_id in jobs:
-            show(client.admin.cancel(job_id).state, job_id, json)
+            print_job(client.admin.cancel(job_id).state, job_id, json)
 
 
 @admin.command()
-def pause(jobs: Jobs, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
+def pause(jobs: JobIds, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
     """Pause jobs of any tenant."""
     with connected("admin pause", server, key_file) as client:
         for job_id in jobs:
-            show(client.admin.pause(job_id).state, job_id, json)
+            print_job(client.admin.pause(job_id).state, job_id, json)
 
 
 @admin.command()
-def resume(jobs: Jobs, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
+def resume(jobs: JobIds, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
     """Resume paused jobs of any tenant."""
     with connected("admin resume", server, key_file) as client:
         for job_id in jobs:
-            show(client.admin.resume(job_id).state, job_id, json)
+            print_job(client.admin.resume(job_id).state, job_id, json)
 
 
 @admin.command()
 def retry(
-    job: Job,
+    job: JobId,
     frame: Annotated[int, typer.Option("--frame", metavar="N", help="The frame's index in the job, from 0.")],
     server: Server = None,
     key_file: KeyFile = None,
@@ -104,13 +104,13 @@ def retry(
 ) -> None:
     """Render one frame of a job of any tenant again."""
     with connected("admin retry", server, key_file) as client:
-        show(client.admin.retry_frame(job, frame).state, job, json, frame=frame)
+        print_job(client.admin.retry_frame(job, frame).state, job, json, frame=frame)
 
 
 @admin.command()
 def priority(
     priority: Annotated[int, typer.Argument(metavar="PRIORITY", help="0 to 100; higher goes first.", min=0, max=100)],
-    jobs: Jobs,
+    jobs: JobIds,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,

@@ -72,7 +72,7 @@ def _create_offline(
     from ..auth import issue_key
     from ..config import ServeConfig
     from ..files import DataDirectory
-    from .offline import opened_store
+    from .connection import opened_store
 
     folder = data if data is not None else Path(".")
     if data is not None:

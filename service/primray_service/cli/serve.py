@@ -177,7 +177,7 @@ def run(config: ServeConfig) -> None:
 def prepare(config: ServeConfig) -> None:
     """Check before the server starts that the data directory and the database can be used; print how to create a key."""
     from ..files import DataDirectory
-    from .offline import opened_store
+    from .connection import opened_store
 
     try:
         DataDirectory(config.data).create()

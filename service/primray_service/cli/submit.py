@@ -31,10 +31,9 @@ from primray.settings.setting import as_json
 
 from .connection import Json, KeyFile, Labels, Server, connected, labels_of
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
-from .fetch import Overwrite, download_all
 from .job_text import plain
+from .jobs import Overwrite, download_all, end_as, watched
 from .scene_file import SceneFile, scene_file, with_images
-from .watch import end_as, watched
 
 if TYPE_CHECKING:
     from ..client import Client, Job, Scene
@@ -238,7 +237,7 @@ def upload(client: Client, scene: Path, as_json: bool, images: Mapping[str, Path
 def _sent(client: Client, packed: SceneFile, show: Callable[[int, int], None]) -> Scene:
     """Upload by content if the scene has several files or is a large usdz, so that only files the server lacks are sent."""
     from ..client import ProblemError, UnexpectedAnswer
-    from ..client.upload import CUT_FROM_BYTES
+    from ..client.transfers import CUT_FROM_BYTES
 
     members = packed.members
     if members is None and packed.path.suffix.lower() == ".usdz" and packed.path.stat().st_size >= CUT_FROM_BYTES:

@@ -9,16 +9,13 @@
         for output in client.outputs(job.id):
             client.download(job.id, output, "pictures")
 
-    client.py     what can be asked, one method each; admin.py: what an administrator can ask
-    documents.py  what is answered and sent, as dataclasses
-    reading.py    JSON into those; answers.py: answers that are JSON
-    transport.py  one request: tried again where that is safe, its errors as exceptions
-    events.py     server-sent events, through broken connections
-    upload.py     packages by content: only files that the server lacks
-    download.py   files, gone on with where they broke off, checked against their digest
-    errors.py     what is raised
+    client.py     requests, one method each; admin.py: those of an administrator
+    documents.py  documents that are sent and answered, as dataclasses, and how JSON is read into them; settings.py: generated
+    transport.py  one request: repeated where that is safe, its errors as exceptions; server-sent events
+    transfers.py  uploads of packages by content, only files that the server lacks; downloads, resumed and checked
+    errors.py     exceptions
 
-tests/service/client/test_contract.py holds it to schemas/openapi.json.
+tests/service/client/test_contract.py compares it with schemas/openapi.json.
 """
 
 from __future__ import annotations

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 from urllib.parse import quote
 
-from .documents import Frame, Job, Json, QuotaChanges, TenantUsage, Workers
-from .reading import read
+from .documents import Frame, Job, Json, QuotaChanges, TenantUsage, Workers, read
 from .transport import Transport, items_of, json_of, object_of
 
 PAGE_ITEMS = 200

@@ -15,13 +15,10 @@ from typing import Any, Literal, TypeVar
 from urllib.parse import quote
 
 from .admin import Administration
-from .documents import Convergence, Event, Frame, Job, Json, Key, Output, Scene, Settings, StopRules, Usage, Webhook
-from .download import Show, download, target_of
+from .documents import Convergence, Event, Frame, Job, Json, Key, Output, Scene, Settings, StopRules, Usage, Webhook, read
 from .errors import ProblemError, ServerUnreachable, TimedOut, UnexpectedAnswer
-from .events import Reading
-from .reading import read
-from .transport import Transport, items_of, job_path, json_of, object_of
-from .upload import upload_files
+from .transfers import Show, download, target_of, upload_files
+from .transport import Reading, Transport, items_of, job_path, json_of, object_of
 
 DEFAULT_SERVER = "http://127.0.0.1:8700"
 LONG_POLL_S = 30.0

@@ -2,7 +2,7 @@
 
 guard.py      middleware around every request: ids, hosts, origins, headers, failures, metrics
 routing.py    routes, declared with what they take and answer; parameters.py: their handlers' parameters
-callers.py    callers as parameters: Reader, Submitter, Admin; request rates
+callers.py    callers as parameters: Reader, Submitter, Admin; request rates; the log of what administrators do
 bodies.py     JSON bodies, read within limits and validated strictly; uploads.py: scenes
 answers.py    JSON, ETags, conditional requests, problem documents; failures.py: exceptions as such
 file_answer.py   files and ranges of them; retry_after.py: when to ask again

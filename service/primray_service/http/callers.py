@@ -1,4 +1,5 @@
-"""Callers as parameters of routes: `caller: Reader` (any key with that scope), `Submitter`, `Admin`; their request rates."""
+"""Callers as parameters of routes: `caller: Reader` (any key with that scope), `Submitter`, `Admin`; their request rates; and
+the log of what administrators do."""
 
 from __future__ import annotations
 
@@ -134,3 +135,15 @@ class RateHeaders:
             await send(message)
 
         await self._app(scope, receive, send_with_headers if scope["type"] == "http" else send)
+
+
+audit_log = structlog.get_logger()
+
+
+def audit(caller: Caller, action: str, tenant: str, **about: object) -> None:
+    """Log an action. `tenant` is the one concerned; `by` is the id of the administrator's key, or "local" if none is needed."""
+    key = caller.key
+    by = {"by": "local", "by_name": "", "by_tenant": caller.tenant}
+    if key is not None:
+        by = {"by": key.id, "by_name": key.name, "by_tenant": key.tenant}
+    audit_log.info("audit", action=action, of_tenant=tenant, **by, **about)

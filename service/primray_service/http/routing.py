@@ -1,6 +1,6 @@
 """Routes: handlers with their paths, parameters and descriptions of their answers, from which openapi.py makes the document.
 
-    router = Router("/v1/jobs", tag="jobs")
+    router = Router("/v1/jobs", resource="jobs", tag="jobs")
 
     @router.get("/{job_id}", answer(views.Job), problems=("not-found",))
     def show(job_id: JobId, caller: Reader, service: Serving) -> Response:
@@ -41,10 +41,11 @@ class Operation(Route):
     """A method of a path, with its handler and its description."""
 
     def __init__(
-        self, method: str, path: str, handler: Callable[..., Any], tag: str, answers: Sequence[Answer], more: Description
+        self, method: str, path: str, handler: Callable[..., Any], router: Router, answers: Sequence[Answer], more: Description
     ) -> None:
         super().__init__(path, self._answer, methods=[method], name=handler.__name__, include_in_schema=bool(answers))
-        self.method, self.handler, self.tag, self.answers = method, handler, tag, answers
+        self.method, self.handler, self.answers = method, handler, answers
+        self.tag, self._resource = router.tag, router.resource
         self.parameters = Parameters(handler, set(self.param_convertors))
         self.headers: Sequence[str] = more.get("headers", ())
         self.problems: list[str] = list(more.get("problems", ()))
@@ -58,9 +59,7 @@ class Operation(Route):
     @property
     def id(self) -> str:
         """The operation's id, resource and action: jobs_show, admin_jobs_show."""
-        module = self.handler.__module__.rpartition("primray_service.routes.")[2]
-        resource = module.removeprefix("jobs.").replace(".", "_")
-        return f"{resource}_{self.name}"
+        return f"{self._resource}_{self.name}"
 
     async def _answer(self, request: Request) -> Response:
         if self._is_limited:
@@ -79,12 +78,12 @@ class Operation(Route):
 
 
 class Router:
-    """The operations of one resource, below a common path."""
+    """The operations of one resource, below a common path; `tag` is their section of the document."""
 
-    def __init__(self, prefix: str = "", tag: str = "") -> None:
+    def __init__(self, prefix: str = "", *, resource: str, tag: str = "") -> None:
         self.operations: list[Operation] = []
+        self.resource, self.tag = resource, tag
         self._prefix = prefix
-        self._tag = tag
 
     def get(self, path: str, *answers: Answer, **more: Unpack[Description]) -> Callable[[Handler], Handler]:
         return self._route("GET", path, answers, more)
@@ -103,7 +102,7 @@ class Router:
 
     def _route(self, method: str, path: str, answers: Sequence[Answer], more: Description) -> Callable[[Handler], Handler]:
         def add(handler: Handler) -> Handler:
-            self.operations.append(Operation(method, self._prefix + path, handler, self._tag, answers, more))
+            self.operations.append(Operation(method, self._prefix + path, handler, self, answers, more))
             return handler
 
         return add

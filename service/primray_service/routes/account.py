@@ -25,7 +25,7 @@ from ..scenes.recognize import MEDIA_TYPES as SCENE_TYPES
 from ..store.base import Usage
 from .keys import key_json
 
-router = Router("/v1", tag="account")
+router = Router("/v1", resource="account", tag="account")
 
 SUFFIXES = {"usda": [".usda", ".usd"], "usdc": [".usdc", ".usd"], "usdz": [".usdz"], "zip": [".zip"]}
 

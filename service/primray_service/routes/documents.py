@@ -7,13 +7,13 @@ import hashlib
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ..api.pages import operations_page, problem_page, problems_page
+from ..api.reference import operations_page, problem_page, problems_page
 from ..http.answers import json_bytes, none_match, not_modified
 from ..http.openapi import openapi
 from ..http.routing import Router
 from ..problems import KINDS, Problem
 
-router = Router()
+router = Router(resource="documents")
 
 # Nothing external is loaded. The forms of /docs send requests to this server only; blob: is for pictures in its answers.
 CSP = "default-src 'none'; style-src 'self'; img-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"

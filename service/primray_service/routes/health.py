@@ -1,4 +1,7 @@
-"""Liveness and readiness of the server; no key is needed, so that supervisors can ask."""
+"""Liveness and readiness of the server, for supervisors, without a key; and /metrics for Prometheus.
+
+http/guard.py measures every request for the metrics.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +11,21 @@ from collections.abc import Awaitable, Callable
 
 import structlog
 from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
 from starlette.responses import Response
 
 from ..api import views
 from ..http.answers import json_answer
-from ..http.callers import Serving
+from ..http.callers import Serving, caller_of_request
 from ..http.described import answer
 from ..http.routing import Router
 from ..jobs import Json
+from ..monitoring import RequestMetrics, exposition
+from ..problems import Problem
 from ..service import Service
 
 log = structlog.get_logger("primray.health")
-router = Router(tag="health")
+router = Router(resource="health", tag="health")
 
 CHECK_TIMEOUT_S = 5.0
 
@@ -115,3 +121,20 @@ async def _dispatcher(service: Service) -> Json:
     wait."""
     where = (await run_in_threadpool(service.who_leads.now)).where
     return {"ok": True, "detail": LEADS[where], "leads": where}
+
+
+metrics_router = Router(resource="metrics", tag="health")
+
+MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+
+
+@metrics_router.get("/metrics", answer(content={"text/plain": {"type": "string"}}), problems=("unauthenticated", "forbidden"))
+async def metrics(request: Request, service: Serving) -> Response:
+    """Return metrics for Prometheus. If keys are required, this needs an admin's: the numbers are of all tenants."""
+    if service.config.metrics_key and service.config.needs_keys:
+        caller = await caller_of_request(request)
+        if not caller.allows("admin"):
+            raise Problem("forbidden", "This requires a key with the scope 'admin'.", scope="admin")
+    requests: RequestMetrics = request.app.state.request_metrics
+    text = await run_in_threadpool(exposition, requests, service)
+    return Response(text, headers={"cache-control": "no-store"}, media_type=MEDIA_TYPE)

@@ -1,4 +1,8 @@
-"""API keys, for the server's operator: an admin's key creates and revokes keys of any tenant."""
+"""API keys, for the server's operator, and sessions of browsers.
+
+An admin's key creates and revokes keys of any tenant. A session is a cookie that a key is exchanged for, and which is sent
+where no header can be.
+"""
 
 from __future__ import annotations
 
@@ -7,25 +11,25 @@ from dataclasses import asdict, fields
 from typing import Annotated, Literal
 
 from pydantic import Field
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
 from ..api import views
 from ..api.job_json import time_text
-from ..api.models import Sent
-from ..auth import TENANT_NAME, Keys, issue_key
+from ..api.models import Sent, SessionRequest
+from ..auth import SESSION_S, TENANT_NAME, Keys, caller_of, issue_key, sha256_of
 from ..http.answers import json_answer
 from ..http.bodies import json_body
-from ..http.callers import Admin, Serving
+from ..http.callers import COOKIE, Admin, Serving, audit
 from ..http.described import answer, leading_to
 from ..http.routing import Router
 from ..jobs import Json
 from ..limits import Quotas
 from ..problems import Problem
 from ..store.base import ApiKey
-from .admin.audit import record
 
-router = Router("/v1/keys", tag="keys")
+router = Router("/v1/keys", resource="keys", tag="keys")
 
 MOST_EXPIRY_S = 100 * 365 * 86_400.0
 
@@ -74,7 +78,7 @@ def create_key(
     quotas = Quotas(**{**asdict(service.quotas), **changes})
     expires_at = None if asked.expires_in_s is None else now + asked.expires_in_s
     row, text = issue_key(service.store, asked.tenant, asked.scopes, now, name=asked.name, quotas=quotas, expires_at=expires_at)
-    record(caller, "create-key", row.tenant, key_id=row.id, scopes=sorted(row.scopes))
+    audit(caller, "create-key", row.tenant, key_id=row.id, scopes=sorted(row.scopes))
     return json_answer({**key_json(row), "key": text}, 201, {"location": f"/v1/keys/{row.id}", "cache-control": "no-store"})
 
 
@@ -100,7 +104,7 @@ def revoke(key_id: str, request: Request, caller: Admin, service: Serving) -> Re
     stay."""
     row = _found(service, key_id)
     service.store.revoke_key(key_id, time.time())
-    record(caller, "revoke-key", row.tenant, key_id=key_id)
+    audit(caller, "revoke-key", row.tenant, key_id=key_id)
     keys: Keys = request.app.state.keys
     keys.forget()
     return Response(status_code=204)
@@ -126,3 +130,43 @@ def key_json(row: ApiKey) -> Json:
         "expires_at": time_text(row.expires_at),
         "revoked_at": time_text(row.revoked_at),
     }
+
+
+sessions_router = Router("/v1/session", resource="sessions", tag="keys")
+
+
+@sessions_router.post(
+    "", answer(views.Session, 201, "The cookie is set.", headers=("Set-Cookie",)), problems=("unauthenticated",)
+)
+async def begin(
+    request: Request, asked: Annotated[SessionRequest, json_body(SessionRequest, {"key": "primray_..."})]
+) -> Response:
+    """Log a browser in: the cookie is HttpOnly, for this site only, and valid for 12 hours."""
+    now = time.time()
+    sha256 = sha256_of(asked.key.strip())
+    caller = caller_of(await run_in_threadpool(request.app.state.keys.key, sha256), now)
+    shown = {
+        "tenant": caller.tenant,
+        "scopes": sorted(caller.scopes),
+        "expires_at": time_text(now + SESSION_S),
+    }
+    response = json_answer(shown, 201)
+    response.set_cookie(
+        COOKIE,
+        request.app.state.sessions.begin(sha256, now),
+        max_age=int(SESSION_S),
+        path="/",
+        secure=request.url.scheme == "https",
+        httponly=True,
+        samesite="strict",
+    )
+    return response
+
+
+@sessions_router.delete("", answer(None, 204, "The session has ended.", headers=("Set-Cookie",)))
+async def end(request: Request) -> Response:
+    """Log out."""
+    await run_in_threadpool(request.app.state.sessions.end, request.cookies.get(COOKIE, ""), time.time())
+    response = Response(status_code=204)
+    response.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
+    return response

@@ -28,7 +28,7 @@ from ..scenes.staging import to_the_end
 from ..service import Service
 from .scenes import BINARY, LINKS, scene_answer
 
-router = Router("/v1", tag="scenes")
+router = Router("/v1", resource="packages", tag="scenes")
 
 DIGEST = "^[0-9a-f]{64}$"
 Digest = Annotated[str, Field(pattern=DIGEST, description="SHA-256 of the file, in hexadecimal digits.")]

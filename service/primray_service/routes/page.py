@@ -44,7 +44,7 @@ HEADERS = {
     "x-frame-options": "DENY",
 }
 
-router = Router()
+router = Router(resource="page")
 
 
 @dataclass(frozen=True)

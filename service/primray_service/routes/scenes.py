@@ -23,7 +23,7 @@ from ..scenes.keep import remove
 from ..scenes.recognize import MEDIA_TYPES
 from ..store.base import Conflict
 
-router = Router("/v1/scenes", tag="scenes")
+router = Router("/v1/scenes", resource="scenes", tag="scenes")
 
 RETRY_AFTER_S = 1  # while a scene is checked
 # Any text is looked up and may not be found: the pattern only documents ids.

@@ -122,7 +122,7 @@ def test_an_executor(monkeypatch):
 
 
 def test_a_route(monkeypatch):
-    router = Router("/v1")
+    router = Router("/v1", resource="worked")
 
     @router.get("/worked", answer(content={"text/plain": {"type": "string"}}))
     async def worked() -> Response:

@@ -18,7 +18,7 @@ from primray_service.cli import COMMANDS
 from primray_service.cli.exits import CommandError, error_of, error_of_end
 from primray_service.cli.submit import parallel_of
 from primray_service.client import Job
-from primray_service.client.reading import read
+from primray_service.client.documents import read
 from primray_service.client.transport import Transport
 from primray_service.problems import KINDS
 

@@ -14,7 +14,7 @@ from tests.service.scenes.zips import Entry, zip_of
 from tests.service.serving import RunningServer
 
 from primray_service.client import Client
-from primray_service.client.upload import Stretch, _members_of
+from primray_service.client.transfers import Stretch, _members_of
 
 TEXTURES = {f"tex/{number}.bin": os.urandom(700_000) for number in range(2)}
 

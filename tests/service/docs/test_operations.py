@@ -15,8 +15,16 @@ import pytest
 from tests.service.api import finished, submit
 from tests.service.serving import RunningServer
 
-from primray_service.api.operations import Operation, Ref, operations, type_words
-from primray_service.api.pages import SERVER, curl_example, operations_page, python_example
+from primray_service.api.reference import (
+    SERVER,
+    Operation,
+    Ref,
+    curl_example,
+    operations,
+    operations_page,
+    python_example,
+    type_words,
+)
 
 ROOT = Path(__file__).resolve().parents[3]
 DOCUMENT = json.loads((ROOT / "schemas/openapi.json").read_text(encoding="utf-8"))

@@ -30,7 +30,7 @@ def user(request: Request) -> str:
     return request.headers["user"]
 
 
-router = Router("/things", tag="jobs")
+router = Router("/things", resource="things", tag="jobs")
 
 
 @router.get("/{number}", answer(Asked), problems=("not-found",))

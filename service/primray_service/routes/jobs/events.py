@@ -28,7 +28,7 @@ from ...problems import Problem
 from ...service import Service
 from .jobs import JobId, found_shared
 
-router = Router("/v1/jobs", tag="jobs")
+router = Router("/v1/jobs", resource="events", tag="jobs")
 
 HEARTBEAT_S = 10.0
 RETRY_MS = 2000  # delay before a browser reconnects

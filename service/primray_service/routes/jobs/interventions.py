@@ -18,7 +18,7 @@ from ...service import Service
 from .frames import FrameNumber
 from .jobs import JobId, acted, body_of, check_version, found, job_answer
 
-router = Router("/v1/jobs", tag="jobs")
+router = Router("/v1/jobs", resource="interventions", tag="jobs")
 
 CHANGED = ("not-found", "conflict", "precondition-failed")
 

@@ -30,7 +30,7 @@ from ...problems import Problem
 from ...service import Service
 from ...store.base import Conflict, JobFilter
 
-router = Router("/v1/jobs", tag="jobs")
+router = Router("/v1/jobs", resource="jobs", tag="jobs")
 
 RETRY_AFTER_S = 2  # for clients that poll
 CANCEL_S = 10.0  # time for a deleted job's workers to end

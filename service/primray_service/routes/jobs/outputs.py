@@ -21,7 +21,7 @@ from ...problems import Problem
 from ...scenes.receive import sha256_header
 from .jobs import JobId, found
 
-router = Router("/v1/jobs", tag="outputs")
+router = Router("/v1/jobs", resource="outputs", tag="outputs")
 
 # A name means the same bytes for ever: outputs of a continued job have other names (dispatcher/chunks/commands.py,
 # output_names).

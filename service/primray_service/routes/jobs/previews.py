@@ -23,7 +23,7 @@ from ...problems import Problem
 from ...service import Service
 from .jobs import JobId, found
 
-router = Router("/v1/jobs", tag="previews")
+router = Router("/v1/jobs", resource="previews", tag="previews")
 
 FILE = "preview.raw"
 RETRY_AFTER_S = 1

@@ -30,7 +30,7 @@ from ...store.base import Conflict, KeyReused
 from ...webhooks import accepted_webhook
 from .jobs import changed, has_ended, job_answer, prefer_wait
 
-router = Router("/v1/jobs", tag="jobs")
+router = Router("/v1/jobs", resource="submissions", tag="jobs")
 
 _IDEMPOTENCY_KEY = re.compile(r"[!-~]{1,255}")
 _TRACEPARENT = re.compile(r"[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")

@@ -1,4 +1,5 @@
-"""Jobs of all tenants, for an administrator: list, show, change, cancel, pause, resume, retry a frame.
+"""Jobs of all tenants, for an administrator: list, show, change, cancel, pause, resume, retry a frame; and the workers that
+run them.
 
 Pictures and scenes are the tenant's alone: no route here returns them.
 """
@@ -12,24 +13,23 @@ from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ...api import views
-from ...api.job_json import frame_json
-from ...api.models import JobPatch
-from ...http.answers import json_answer, json_bytes
-from ...http.bodies import json_body
-from ...http.callers import Admin, Serving
-from ...http.described import answer
-from ...http.routing import Router
-from ...jobs import Job, JobState, Json
-from ...problems import Problem
-from ...service import Service
-from ...store.base import JobFilter
-from ..jobs.frames import FrameNumber
-from ..jobs.interventions import paused, resumed, retried
-from ..jobs.jobs import JOB_ID, JobId, canceled, check_version, job_answer, no_job, split_label, updated
-from .audit import record
+from ..api import views
+from ..api.job_json import frame_json, time_text
+from ..api.models import JobPatch
+from ..http.answers import json_answer, json_bytes
+from ..http.bodies import json_body
+from ..http.callers import Admin, Serving, audit
+from ..http.described import answer
+from ..http.routing import Router
+from ..jobs import Frame, Job, JobState, Json
+from ..problems import Problem
+from ..service import Service
+from ..store.base import JobFilter
+from .jobs.frames import FrameNumber
+from .jobs.interventions import paused, resumed, retried
+from .jobs.jobs import JOB_ID, JobId, canceled, check_version, job_answer, no_job, split_label, updated
 
-router = Router("/v1/admin/jobs", tag="admin")
+router = Router("/v1/admin/jobs", resource="admin_jobs", tag="admin")
 
 CHANGED = ("not-found", "conflict", "precondition-failed")
 TENANT_TEXT = "Only jobs of this tenant."
@@ -120,7 +120,7 @@ def change(
 ) -> Response:
     """Change the priority, labels, name or time to live of a job of any tenant."""
     job, changes = updated(service, request, found(service, job_id), patch)
-    record(caller, "change-job", job.tenant, job_id=job_id, changes=changes)
+    audit(caller, "change-job", job.tenant, job_id=job_id, changes=changes)
     return answered(service, job)
 
 
@@ -134,7 +134,7 @@ def cancel(job_id: JobId, request: Request, caller: Admin, service: Serving) -> 
     """Cancel a job of any tenant; the picture rendered so far is kept."""
     check_version(request, found(service, job_id))
     job = canceled(service, job_id)
-    record(caller, "cancel-job", job.tenant, job_id=job_id)
+    audit(caller, "cancel-job", job.tenant, job_id=job_id)
     return answered(service, job, 202)
 
 
@@ -148,7 +148,7 @@ def pause(job_id: JobId, request: Request, caller: Admin, service: Serving) -> R
     """Pause a job of any tenant."""
     check_version(request, found(service, job_id))
     job = paused(service, job_id)
-    record(caller, "pause-job", job.tenant, job_id=job_id)
+    audit(caller, "pause-job", job.tenant, job_id=job_id)
     return answered(service, job, 202)
 
 
@@ -162,7 +162,7 @@ def resume(job_id: JobId, request: Request, caller: Admin, service: Serving) -> 
     """Resume a paused job of any tenant."""
     check_version(request, found(service, job_id))
     job = resumed(service, job_id)
-    record(caller, "resume-job", job.tenant, job_id=job_id)
+    audit(caller, "resume-job", job.tenant, job_id=job_id)
     return answered(service, job, 202)
 
 
@@ -177,5 +177,47 @@ def retry(job_id: JobId, number: FrameNumber, request: Request, caller: Admin, s
     job = found(service, job_id)
     check_version(request, job)
     job = retried(service, job_id, number, service.tenant_quotas.of(job.tenant))
-    record(caller, "retry-frame", job.tenant, job_id=job_id, frame=number)
+    audit(caller, "retry-frame", job.tenant, job_id=job_id, frame=number)
     return answered(service, job, 202)
+
+
+workers_router = Router("/v1/admin/workers", resource="admin_workers", tag="admin")
+
+
+@workers_router.get("", answer(views.Workers), problems=("invalid-request",))
+def list_workers(
+    caller: Admin,
+    service: Serving,
+    limit: Annotated[int, Field(ge=1, le=1000, description="Most running frames to list.")] = 200,
+) -> Response:
+    """Return the executor of the server that dispatches, its nodes, and the running frames of all tenants, by start time."""
+    leading = service.who_leads.now()
+    capacity = leading.capacity
+    here: Json = {"id": "local", "slots": capacity.slots, "why": ""}
+    return json_answer(
+        {
+            "dispatcher": leading.where,
+            "slots": capacity.slots,
+            "cores": capacity.cores,
+            "memory_bytes": capacity.memory_bytes,
+            "nodes": list(leading.nodes) or [here],
+            "running": [_running_json(job, frame) for job, frame in service.store.running_frames(limit)],
+        }
+    )
+
+
+def _running_json(job: Job, frame: Frame) -> Json:
+    return {
+        "job": job.id,
+        "name": job.name,
+        "tenant": job.tenant,
+        "priority": job.priority,
+        "state": job.state.value,
+        "frame": frame.number,
+        "time_code": frame.time_code,
+        "phase": frame.phase,
+        "fraction": float(frame.progress.get("fraction", 0.0)),
+        "parts": job.parallel,
+        "started_at": time_text(frame.started_at),
+        "cpu_s": frame.cpu_s,
+    }

@@ -9,21 +9,20 @@ from typing import Annotated
 from pydantic import Field
 from starlette.responses import Response
 
-from ...api import views
-from ...auth import TENANT_NAME
-from ...http.answers import json_answer
-from ...http.bodies import json_body
-from ...http.callers import Admin, Serving
-from ...http.described import answer
-from ...http.routing import Router
-from ...jobs import Json
-from ...service import Service
-from ...store.base import Usage
-from ..account import usage_json
-from ..keys import QuotaRequest
-from .audit import record
+from ..api import views
+from ..auth import TENANT_NAME
+from ..http.answers import json_answer
+from ..http.bodies import json_body
+from ..http.callers import Admin, Serving, audit
+from ..http.described import answer
+from ..http.routing import Router
+from ..jobs import Json
+from ..service import Service
+from ..store.base import Usage
+from .account import usage_json
+from .keys import QuotaRequest
 
-router = Router("/v1/admin/tenants", tag="admin")
+router = Router("/v1/admin/tenants", resource="admin_tenants", tag="admin")
 
 TenantName = Annotated[str, Field(pattern=f"^{TENANT_NAME.pattern}$", description="A tenant's name.")]
 
@@ -68,7 +67,7 @@ def set_quotas(
     quotas = service.store.quotas_set(tenant) | asked.model_dump(exclude_unset=True)
     service.store.set_quotas(tenant, quotas, time.time())
     service.tenant_quotas.forget(tenant)
-    record(caller, "set-quotas", tenant, quotas=quotas)
+    audit(caller, "set-quotas", tenant, quotas=quotas)
     service.dispatcher.wake()
     return show(tenant, caller, service)
 
@@ -78,6 +77,6 @@ def unset_quotas(tenant: TenantName, caller: Admin, service: Serving) -> Respons
     """Remove the quotas set by an administrator: those of the tenant's newest key apply again, or the server's."""
     service.store.set_quotas(tenant, {}, time.time())
     service.tenant_quotas.forget(tenant)
-    record(caller, "unset-quotas", tenant)
+    audit(caller, "unset-quotas", tenant)
     service.dispatcher.wake()
     return show(tenant, caller, service)

@@ -1,18 +1,199 @@
-"""HTML pages of the API's reference: every operation with what it takes and answers, and a page for each kind of problem.
+"""The API's reference: every operation with what it takes and answers, and a page for each kind of problem.
 
-Operations have examples in curl and Python; page/docs/ adds a form to each that sends it, and page/style/ has the styles. The
-pages are readable without scripts. Nothing here knows HTTP.
+The operations of the OpenAPI document are data, with types in words. Two pages are made from them: the service's own, here,
+and the site's reference of the HTTP API (docs/site). Operations have examples in curl and Python; page/docs/ adds a form to
+each that sends it, and page/style/ has the styles. The pages are readable without scripts. Nothing here knows HTTP.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from html import escape
+from typing import Any
 
 from ..problems import KINDS, Problem
-from .operations import Answer, Body, Document, Member, Operation, Ref, Words, members, operations
+
+Document = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    name: str
+    where: str  # "path", "query" or "header"
+    is_required: bool
+    type: Words
+    text: str
+
+
+@dataclass(frozen=True)
+class Body:
+    """A request's body; `members` are those of an object that has no name in the document, `example` is JSON, or None for a
+    file."""
+
+    media_type: str
+    type: Words
+    members: tuple[Member, ...]
+    example: Any
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A response; `type` is empty if it has no body."""
+
+    status: str
+    text: str
+    media_types: tuple[str, ...]
+    type: Words
+    headers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Operation:
+    method: str
+    path: str
+    key: str  # the operationId, which is the anchor on both pages
+    tag: str
+    text: str
+    parameters: tuple[Parameter, ...]
+    bodies: tuple[Body, ...]
+    answers: tuple[Answer, ...]
+
+    @property
+    def name(self) -> str:
+        return f"{self.method} {self.path}"
+
+
+def operations(document: Document) -> Iterator[Operation]:
+    for path, methods in document["paths"].items():
+        for method, one in methods.items():
+            yield Operation(
+                method=method.upper(),
+                path=path,
+                key=one["operationId"],
+                tag=one["tags"][0],
+                text=one.get("description", ""),
+                parameters=tuple(_parameter(each) for each in one.get("parameters", ())),
+                bodies=tuple(_body(kind, each) for kind, each in one.get("requestBody", {}).get("content", {}).items()),
+                answers=tuple(_answer(document, status, each) for status, each in one["responses"].items()),
+            )
+
+
+def _parameter(one: Document) -> Parameter:
+    text = one.get("description") or one["schema"].get("description", "")
+    return Parameter(one["name"], one["in"], one.get("required", False), type_words(one["schema"]), text)
+
+
+def _body(media_type: str, media: Document) -> Body:
+    return Body(media_type, type_words(media["schema"]), members(media["schema"]), media.get("example"))
+
+
+def _answer(document: Document, status: str, response: Document) -> Answer:
+    if "$ref" in response:
+        response = document["components"]["responses"][response["$ref"].rpartition("/")[2]]
+    content = response.get("content", {})
+    schemas = [media.get("schema", {}) for media in content.values()]
+    named = next((type_words(schema) for schema in schemas if "$ref" in schema), None)
+    types = named or (type_words(schemas[0]) if schemas else ())
+    headers = tuple(name for name in response.get("headers", {}) if name != "X-Request-Id")  # sent with every answer
+    return Answer(status, response.get("description", ""), tuple(content), types, headers)
+
+
+Schema = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Ref:
+    """Reference to a schema that the document defines by name."""
+
+    name: str
+
+
+Words = tuple[str | Ref, ...]
+
+
+@dataclass(frozen=True)
+class Member:
+    """Member of an object; `text` holds the schema's description and default."""
+
+    name: str
+    is_required: bool
+    type: Words
+    text: str
+
+
+def type_words(schema: Schema) -> Words:
+    """Return a type in words: `integer, 0 to 100`, `array of Job`, `"png" or "jpeg"`."""
+    if "$ref" in schema:
+        return (Ref(schema["$ref"].rpartition("/")[2]),)
+    if "anyOf" in schema:
+        parts = [type_words(each) for each in schema["anyOf"]]
+        has_comma = any("," in word for part in parts for word in part if isinstance(word, str))
+        return _joined(parts, ", or " if has_comma else " or ")
+    if "const" in schema:
+        return (json.dumps(schema["const"]),)
+    if "enum" in schema:
+        return (" or ".join(json.dumps(value) for value in schema["enum"]),)
+    kind = schema.get("type", "any value")
+    if "prefixItems" in schema:
+        return ("[", *_joined([type_words(each) for each in schema["prefixItems"]], ", "), "]")
+    if kind == "array":
+        items = type_words(schema.get("items", {}))
+        return ("array of ", *items, *(f", {each}" for each in _count(schema, "minItems", "maxItems", " of them")))
+    if kind == "object" and isinstance(schema.get("additionalProperties"), dict) and "properties" not in schema:
+        return ("object of ", *type_words(schema["additionalProperties"]))
+    if schema.get("format") == "binary":
+        return ("a file's bytes",)
+    words = [kind, *_limits(schema), *_count(schema, "minLength", "maxLength", " characters")]
+    words += [schema["format"]] if "format" in schema else []
+    return (", ".join(words),)
+
+
+def members(schema: Schema) -> tuple[Member, ...]:
+    required = schema.get("required", ())
+    return tuple(
+        Member(name, name in required, type_words(each), _text(each)) for name, each in schema.get("properties", {}).items()
+    )
+
+
+def _text(schema: Schema) -> str:
+    text = schema.get("description", "")
+    default = schema.get("default")
+    if default in (None, "", {}, []) or isinstance(default, dict):
+        return str(text)
+    return f"{text} Default: {json.dumps(default)}.".strip()
+
+
+def _joined(parts: list[Words], between: str) -> Words:
+    found: list[str | Ref] = []
+    for number, part in enumerate(parts):
+        found += [between, *part] if number else part
+    return tuple(found)
+
+
+def _limits(schema: Schema) -> Iterator[str]:
+    low, high = schema.get("minimum"), schema.get("maximum")
+    if low is not None and high is not None:
+        yield f"{low:.10g} to {high:.10g}"
+    elif low is not None:
+        yield f"at least {low:.10g}"
+    elif high is not None:
+        yield f"at most {high:.10g}"
+    if "exclusiveMinimum" in schema:
+        yield f"more than {schema['exclusiveMinimum']:.10g}"
+    if "exclusiveMaximum" in schema:
+        yield f"less than {schema['exclusiveMaximum']:.10g}"
+
+
+def _count(schema: Schema, least: str, most: str, what: str) -> Iterator[str]:
+    low, high = schema.get(least), schema.get(most)
+    if low is not None and low == high:
+        yield f"{low}{what}"
+    elif high is not None:
+        yield f"{'' if low is None else f'{low} to '}{'at most ' if low is None else ''}{high}{what}"
+
 
 FRAME = """<!doctype html>
 <html lang="en">
@@ -80,7 +261,7 @@ def operations_page(document: Document) -> str:
     index = "".join(_index(tag, group) for tag, group in groups)
     sections = "".join(_group(tag, descriptions[tag], group) for tag, group in groups)
     schemas = "".join(
-        f'<details id="schema-{name}"><summary><code>{name}</code></summary><p>{_text(schema.get("description", ""))}</p>'
+        f'<details id="schema-{name}"><summary><code>{name}</code></summary><p>{_text_html(schema.get("description", ""))}</p>'
         f"{_members(members(schema))}</details>"
         for name, schema in document["components"]["schemas"].items()
     )
@@ -110,16 +291,16 @@ def _operation(one: Operation) -> str:
             f"<code>{escape(each.name)}</code>",
             f"{each.where}{', required' if each.is_required else ''}",
             _words(each.type),
-            _text(each.text),
+            _text_html(each.text),
         )
         for each in one.parameters
     )
     return (
         f'<article class="card operation" id="{one.key}" aria-labelledby="{one.key}-name">'
         f'<h3 id="{one.key}-name">{_name(one)}</h3>'
-        + "".join(f"<p>{_text(text)}</p>" for text in one.text.split("\n\n"))
+        + "".join(f"<p>{_text_html(text)}</p>" for text in one.text.split("\n\n"))
         + (table(("parameter", "in", "type", "means"), parameters) if one.parameters else "")
-        + "".join(map(_body, one.bodies))
+        + "".join(map(_body_html, one.bodies))
         + _folded("Answers", f'<div class="answers">{_answers(one.answers)}</div>')
         + _folded("curl", f"<pre>{escape(curl_example(one))}</pre>")
         + _folded("Python", f"<pre>{escape(python_example(one))}</pre>")
@@ -127,7 +308,7 @@ def _operation(one: Operation) -> str:
     )
 
 
-def _body(body: Body) -> str:
+def _body_html(body: Body) -> str:
     example = "" if body.example is None else f"<pre>{escape(json.dumps(body.example, indent=2))}</pre>"
     return (
         f"<p>Body: <code>{escape(body.media_type)}</code>, {_words(body.type)}</p>"
@@ -138,7 +319,11 @@ def _body(body: Body) -> str:
 
 def _members(found: Iterable[Member]) -> str:
     rows = [
-        (f"<code>{escape(each.name)}</code>{' (required)' if each.is_required else ''}", _words(each.type), _text(each.text))
+        (
+            f"<code>{escape(each.name)}</code>{' (required)' if each.is_required else ''}",
+            _words(each.type),
+            _text_html(each.text),
+        )
         for each in found
     ]
     return table(("member", "type", "means"), rows) if rows else ""
@@ -150,7 +335,7 @@ def _answers(found: Iterable[Answer]) -> str:
 
 def _means(answer: Answer) -> str:
     headers = ", ".join(answer.headers)
-    return _text(answer.text) + (f"<br><small>Headers: {escape(headers)}</small>" if headers else "")
+    return _text_html(answer.text) + (f"<br><small>Headers: {escape(headers)}</small>" if headers else "")
 
 
 def _answered(answer: Answer) -> str:
@@ -165,7 +350,7 @@ def _words(words: Words) -> str:
     )
 
 
-def _text(text: str) -> str:
+def _text_html(text: str) -> str:
     """Return the text as HTML, with passages between backticks as code."""
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 

@@ -1,1 +1,0 @@
-"""Administration of all tenants: jobs, workers and quotas."""
