@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml  # type: ignore[import-untyped]
 from prometheus_client.parser import text_string_to_metric_families
-from tests.service.api import finished, submit, upload, wait_until
+from tests.service.api_calls import finished, submit, upload, wait_until
 from tests.service.serving import start
 
 from primray_service.jobs import JobState

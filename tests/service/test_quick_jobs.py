@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 from tests.bench.service.quick_jobs import AT_MOST_S, seconds_of
-from tests.service.api import upload
+from tests.service.api_calls import upload
 from tests.service.serving import RunningServer
 
 

@@ -10,7 +10,7 @@ import time
 
 import httpx2
 import pytest
-from tests.service.api import problem, stored, submit, wait_until
+from tests.service.api_calls import problem, stored, submit, wait_until
 from tests.service.conftest import StartServer
 from tests.service.serving import RunningServer
 

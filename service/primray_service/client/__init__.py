@@ -15,7 +15,7 @@
     transfers.py  uploads of packages by content, only files that the server lacks; downloads, resumed and checked
     errors.py     exceptions
 
-tests/service/client/test_contract.py compares it with schemas/openapi.json.
+tests/service/client/test_documents_contract.py compares it with schemas/openapi.json.
 """
 
 from __future__ import annotations

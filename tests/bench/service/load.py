@@ -22,7 +22,7 @@ from typing import Any
 
 import httpx2
 from tests.bench.results import write_results
-from tests.service.api import ENDLESS, stored, submit, upload
+from tests.service.api_calls import ENDLESS, stored, submit, upload
 from tests.service.serving import RunningServer, start
 
 from primray_service.limits import Quotas

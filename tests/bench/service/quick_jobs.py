@@ -16,7 +16,7 @@ from typing import Any
 import httpx2
 from tests.bench.results import write_results
 from tests.bench.service.load import serving
-from tests.service.api import Json, submit, upload
+from tests.service.api_calls import Json, submit, upload
 
 SETTINGS: Json = {"resolution": [32, 32], "stop": {"max_samples": 2}}
 AT_MOST_S = {1: 0.5, 10: 1.5}  # what is aimed at, on two quiet cores

@@ -16,7 +16,7 @@ from typing import Any
 import httpx2
 from tests.bench.results import write_results
 from tests.bench.service.load import serving
-from tests.service.api import finished, submit, upload
+from tests.service.api_calls import finished, submit, upload
 from tests.service.executor.ray.cluster import RunningCluster
 
 import primray

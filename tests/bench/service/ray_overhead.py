@@ -20,7 +20,7 @@ from typing import Any
 import httpx2
 from tests.bench.results import write_results
 from tests.bench.service.load import serving
-from tests.service.api import Json, finished, submit, upload
+from tests.service.api_calls import Json, finished, submit, upload
 from tests.service.executor.ray.cluster import RunningCluster
 
 from primray_service.limits import GiB

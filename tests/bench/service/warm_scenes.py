@@ -16,7 +16,7 @@ import httpx2
 from tests.bench.results import write_results
 from tests.bench.service.load import serving
 from tests.bench.setup.kept_scenes import make
-from tests.service.api import Json, finished, submit, upload
+from tests.service.api_calls import Json, finished, submit, upload
 
 AT_MOST_S = 0.1
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import httpx2
 import pytest
-from tests.service.api import problem
+from tests.service.api_calls import problem
 from tests.service.conftest import StartServer, make_key
 from tests.service.serving import RunningServer
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from tests.service.api import ENDLESS, QUICK, finished, submit, upload, wait_until
+from tests.service.api_calls import ENDLESS, QUICK, finished, submit, upload, wait_until
 from tests.service.conftest import make_key
 from tests.service.page.conftest import wait_for_state
 

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 import pytest
-from tests.service.api import ENDLESS, QUICK, finished, problem, stored, submit, upload, wait_until
+from tests.service.api_calls import ENDLESS, QUICK, finished, problem, stored, submit, upload, wait_until
 from tests.service.conftest import make_key
 from tests.service.serving import RunningServer
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
-from tests.service.api import wait_until
+from tests.service.api_calls import wait_until
 from tests.service.scenes.zips import LAYER
 from tests.service.serving import RunningServer
 

@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 import pytest
-from tests.service.api import QUICK, SCENE, checked, finished, problem, submit, wait_until
+from tests.service.api_calls import QUICK, SCENE, checked, finished, problem, submit, wait_until
 from tests.service.conftest import make_key
 from tests.service.serving import RunningServer
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.service.api import QUICK, SCENE, finished, problem, submit, upload
+from tests.service.api_calls import QUICK, SCENE, finished, problem, submit, upload
 from tests.service.conftest import make_key
 from tests.service.serving import RunningServer
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.service.api import finished, wait_until
+from tests.service.api_calls import finished, wait_until
 from tests.service.serving import RunningServer
 from tests.service.threats.fates import package
 from tests.service.words.bad_stages import REFUSED, RENDERED, sublayers, truncated_crate, write

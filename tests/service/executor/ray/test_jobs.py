@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.service.api import checked, finished, submit, wait_until
+from tests.service.api_calls import checked, finished, submit, wait_until
 from tests.service.conftest import StartServer
 from tests.service.dispatcher.rig import Rig, dispatching
 from tests.service.executor.ray.cluster import RunningCluster

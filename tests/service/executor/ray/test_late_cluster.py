@@ -7,7 +7,7 @@ from pathlib import Path
 
 import httpx2
 import pytest
-from tests.service.api import QUICK, SCENE, finished, wait_until
+from tests.service.api_calls import QUICK, SCENE, finished, wait_until
 from tests.service.executor.ray.cluster import RunningCluster
 from tests.service.serving import RunningServer, start
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import httpx2
 import pytest
-from tests.service.api import Json, problem, stored, submit, wait_until
+from tests.service.api_calls import Json, problem, stored, submit, wait_until
 from tests.service.conftest import StartServer
 from tests.service.serving import RunningServer
 

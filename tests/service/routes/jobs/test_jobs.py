@@ -7,7 +7,7 @@ import time
 
 import httpx2
 import pytest
-from tests.service.api import QUICK, SCENE, Json, problem, stored, submit
+from tests.service.api_calls import QUICK, SCENE, Json, problem, stored, submit
 from tests.service.conftest import StartServer
 
 from primray_service.admission import fingerprint

@@ -17,7 +17,7 @@ from urllib.parse import unquote
 
 import numpy as np
 import pytest
-from tests.service.api import wait_until
+from tests.service.api_calls import wait_until
 from tests.service.routes.jobs.finished import queued_job
 from tests.service.serving import RunningServer
 

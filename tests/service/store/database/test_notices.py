@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from tests.service.api import wait_until
+from tests.service.api_calls import wait_until
 
 from primray_service.store import SqlStore, open_store
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.service.api import SCENE, finished, submit
+from tests.service.api_calls import SCENE, finished, submit
 from tests.service.scenes.zips import Entry, zip_of
 from tests.service.serving import RunningServer
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import httpx2
 import pytest
-from tests.service.api import finished, submit
+from tests.service.api_calls import finished, submit
 from tests.service.serving import RunningServer
 
 from primray_service.api.reference import (

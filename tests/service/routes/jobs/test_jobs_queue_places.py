@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.service.api import ENDLESS, QUICK, finished, submit, upload, wait_until
+from tests.service.api_calls import ENDLESS, QUICK, finished, submit, upload, wait_until
 from tests.service.conftest import StartServer
 from tests.service.serving import RunningServer
 

@@ -7,7 +7,7 @@ import time
 
 import httpx2
 import pytest
-from tests.service.api import problem, stored, submit
+from tests.service.api_calls import problem, stored, submit
 from tests.service.conftest import StartServer, make_key
 from tests.service.postgres import postgres_databases, postgres_server, postgres_url
 

@@ -6,7 +6,7 @@ import uuid
 from pathlib import Path
 
 import pytest
-from tests.service.servers.s3 import object_store_packages, s3_bucket, s3_server
+from tests.service.s3 import object_store_packages, s3_bucket, s3_server
 
 from primray.errors import SettingsError
 from primray_service.config import ServeConfig

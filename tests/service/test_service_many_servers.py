@@ -11,11 +11,11 @@ from typing import Any
 
 import httpx2
 import pytest
-from tests.service.api import ENDLESS, SCENE, finished, submit, upload, wait_until
+from tests.service.api_calls import ENDLESS, SCENE, finished, submit, upload, wait_until
 from tests.service.conftest import StartServer, make_key
 from tests.service.faults import made
+from tests.service.many_servers import Many, metric
 from tests.service.postgres import Databases, postgres_databases, postgres_server
-from tests.service.servers.many import Many, metric
 
 from primray_service.dispatcher.lease import TTL_S
 from primray_service.files import DataDirectory

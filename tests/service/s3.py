@@ -1,6 +1,6 @@
 """A server that speaks S3 over HTTP, for tests: moto's, in a thread of this process, with an empty bucket for each that asks.
 
-from tests.service.servers.s3 import object_store_packages, s3_bucket, s3_server    (fixtures: import all)
+from tests.service.s3 import object_store_packages, s3_bucket, s3_server    (fixtures: import all)
 """
 
 from __future__ import annotations

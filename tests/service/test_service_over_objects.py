@@ -7,13 +7,13 @@ from typing import Any
 
 import httpx2
 import pytest
-from tests.service.api import SCENE, finished, problem, submit, upload, wait_until
+from tests.service.api_calls import SCENE, finished, problem, submit, upload, wait_until
 from tests.service.conftest import StartServer
+from tests.service.many_servers import Many
 from tests.service.postgres import postgres_databases, postgres_server
+from tests.service.s3 import object_store_packages, s3_bucket, s3_server
 from tests.service.scenes.zips import LAYER, Entry, zip_of
-from tests.service.servers.many import Many
-from tests.service.servers.s3 import object_store_packages, s3_bucket, s3_server
-from tests.service.servers.test_many_servers import LONG, SETTINGS, alike, alone, database, picture
+from tests.service.test_service_many_servers import LONG, SETTINGS, alike, alone, database, picture
 
 from primray_service.files import DataDirectory
 from primray_service.objects import Objects, opened

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.service.api import problem
+from tests.service.api_calls import problem
 from tests.service.conftest import StartServer, make_key
 from tests.service.serving import RunningServer
 

@@ -7,7 +7,7 @@ import time
 
 import httpx2
 import pytest
-from tests.service.api import Json, problem, stored, submit
+from tests.service.api_calls import Json, problem, stored, submit
 from tests.service.conftest import StartServer, make_key
 from tests.service.serving import RunningServer
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx2
-from tests.service.api import wait_until
+from tests.service.api_calls import wait_until
 from tests.service.serving import RunningServer
 
 
