@@ -1,5 +1,5 @@
-// Asks for an API key in a dialog and exchanges it for a cookie, so that pictures and event streams, which carry no headers,
-// are let in as well. The key itself is not kept in the page.
+// Requests an API key in a dialog and exchanges it for a cookie, so that images and event streams, which carry no headers, are
+// authorized as well. The page does not store the key.
 
 import { keyNeeded, send } from "./base/api.js";
 import { element, field, fill } from "./base/dom.js";
@@ -7,9 +7,9 @@ import { problemBox } from "./base/problem_box.js";
 
 let open = null;
 
-// The server speaks of headers, to programs; people are told what happened to their session.
+// The server's message is about headers, for programs; people read what happened to their session.
 function reason(problem) {
-  return /session/.test(problem?.detail ?? "") ? "Your session has ended." : "This server shows its jobs only to people with a key.";
+  return /session/.test(problem?.detail ?? "") ? "Your session has ended." : "This server requires a key.";
 }
 
 export function keyForm(problem, onDone) {
@@ -24,11 +24,11 @@ export function keyForm(problem, onDone) {
     element(
       "p",
       {},
-      "Paste the key that you were given: it begins with “primray_”. If you have none, ask whoever runs this server, who makes one with ",
+      "Paste the key that you were given: it begins with “primray_”. If you have none, ask the server's operator, who creates keys with ",
       element("code", {}, "primray keys create"),
       ".",
     ),
-    field("API key", key, "It is sent once, for a cookie that only this browser has; it is not stored in the page."),
+    field("API key", key, "It is sent once, in exchange for a cookie of this browser; the page does not store it."),
     answer,
     element("button", { class: "main" }, "Log in"),
   );

@@ -1,5 +1,5 @@
-// The page in place of an answer that needs a key (login.html): who is logged in already goes on to it, as after a link from
-// elsewhere, with which a browser sends no cookie; everybody else is asked for the key first.
+// The page in place of an answer that needs a key (login.html). A browser sends no cookie after a link from another site:
+// whoever is logged in already proceeds to the answer, everybody else enters the key first.
 
 import { keyForm } from "./key_form.js";
 

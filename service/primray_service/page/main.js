@@ -1,8 +1,9 @@
-// Chooses the view by the address's fragment: #/ (new render), #/jobs, #/jobs/<id>, #/again/<id>, #/compare/<id>/<id>, #/admin. A view is a function
-// (root, arguments) that fills its root and answers a function that ends it.
+// Shows the view that the address's fragment names: #/ (new render), #/jobs, #/jobs/<id>, #/again/<id>, #/compare/<id>/<id>,
+// #/admin. A view is a function (root, arguments) that fills its root and returns a function that ends it.
 //
-// Imports go one way: views/ (what an address shows) is made of scene/ (what is sent), job/ (what is told of a job), admin/ (what an
-// administrator sees) and picture/ (what it looks like), none of which uses another. Below picture/ are exr/ (reads files) and layers/ (draws what is in them).
+// Imports go one way: views/ (one for each address) uses scene/ (requests), job/ (a job's state), admin/ (the administrator's
+// tables) and picture/ (pictures), none of which uses another. Below picture/ are exr/ (reads files) and layers/ (draws their
+// channels).
 
 import { keyNeeded } from "./base/api.js";
 import { element, fill } from "./base/dom.js";
@@ -51,7 +52,7 @@ function show(moveFocus) {
 }
 
 function lost(root) {
-  fill(root, element("section", { class: "card" }, element("h1", {}, "There is no such page"), element("a", { href: "#/" }, "New render")));
+  fill(root, element("section", { class: "card" }, element("h1", {}, "Page not found"), element("a", { href: "#/" }, "New render")));
 }
 
 addEventListener("hashchange", () => show(true));

@@ -1,4 +1,5 @@
-// The line at the top right: who is asking, and how to log out where keys are used; the link to what administrators see.
+// The line at the top right: the caller's name, and a button to log out if keys are used; it also shows the administrator's
+// link.
 
 import { call, get } from "./base/api.js";
 import { button, element, fill } from "./base/dom.js";
@@ -6,7 +7,7 @@ import { button, element, fill } from "./base/dom.js";
 const adminLink = document.getElementById("admin-link");
 
 export async function watchServer(line) {
-  const tell = async () => {
+  const refresh = async () => {
     try {
       const who = await get("/v1/whoami");
       adminLink.hidden = !who.scopes.includes("admin");
@@ -20,9 +21,9 @@ export async function watchServer(line) {
       fill(line);
     }
   };
-  addEventListener("focus", tell);
-  document.addEventListener("logged-in", tell);
-  await tell();
+  addEventListener("focus", refresh);
+  document.addEventListener("logged-in", refresh);
+  await refresh();
 }
 
 async function logOut() {

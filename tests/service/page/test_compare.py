@@ -69,7 +69,7 @@ def test_slider_difference_and_values(open_page, site):
     assert f"{float((square / (b**2 + 0.01)).mean()):.2g}" in numbers
     # The difference, and both as plain sRGB.
     page.get_by_role("button", name="Difference", exact=True).click()
-    page.get_by_label("Difference times").fill("2")
+    page.get_by_label("Gain of the difference").fill("2")
     drawn(page, ".sheet > canvas", srgb(4 * np.abs(a - b)))
     page.get_by_role("button", name="A", exact=True).click()
     page.get_by_label("Look").select_option("srgb")

@@ -77,7 +77,7 @@ def test_a_job_that_is_not_there(open_page):
     watched.page.goto(watched.page.url + "#/jobs/job_00000000000000000000000000")
     watched.page.get_by_text("It may have been deleted").wait_for()
     watched.page.goto(watched.page.url.split("#")[0] + "#/nowhere")
-    watched.page.get_by_text("There is no such page").wait_for()
+    watched.page.get_by_text("Page not found").wait_for()
 
 
 def test_every_problem_has_advice(open_page):

@@ -25,7 +25,7 @@ def test_the_newest_counts_most(monkeypatch: pytest.MonkeyPatch) -> None:
     known.note(JOB, 8.0)
     known.note(JOB, 4.0)
     assert known.of(work_of(JOB)) == 6.0
-    monkeypatch.setattr(estimates, "MOST", 1)
+    monkeypatch.setattr(estimates, "MOST_RATES", 1)
     known.note(replace(JOB, scene_id="sha256:b"), 1.0)
     assert known.of(work_of(JOB)) is None
 
@@ -41,7 +41,7 @@ def test_the_store_is_told_what_is_news_and_read_again_after_a_moment(monkeypatc
     stored.update([told])
     other.refresh()
     assert other.of(work_of(JOB)) is None
-    monkeypatch.setattr(estimates, "GOOD_FOR_S", 0.0)
+    monkeypatch.setattr(estimates, "RATES_GOOD_FOR_S", 0.0)
     other = Rates(lambda: stored)
     other.refresh()
     assert other.of(work_of(JOB)) == told[1]

@@ -1,7 +1,7 @@
-// What can be chosen, beside the picture: the camera, the stage's variants, how bright it is shown.
+// Choices beside the picture: the camera, the stage's variants, the exposure.
 
 import { button, choice, element, field, fill, write } from "../page/base/dom.js";
-import { tell } from "./server.js";
+import { send } from "./server.js";
 
 export function panel() {
   const camera = element("div", {});
@@ -10,7 +10,7 @@ export function panel() {
   const exposure = element("input", { type: "range", min: -8, max: 8, step: 0.25, value: "0" });
   exposure.addEventListener("input", () => {
     write(stops, signed(Number(exposure.value)));
-    tell({ do: "exposure", stops: Number(exposure.value) });
+    send({ do: "exposure", stops: Number(exposure.value) });
   });
   const root = element(
     "section",
@@ -19,10 +19,10 @@ export function panel() {
     element(
       "div",
       { class: "actions" },
-      button(["Frame all ", element("kbd", {}, "f")], () => tell({ do: "frame" })),
-      button(["Reset ", element("kbd", {}, "r")], () => tell({ do: "reset" })),
+      button(["Frame all ", element("kbd", {}, "f")], () => send({ do: "frame" })),
+      button(["Reset ", element("kbd", {}, "r")], () => send({ do: "reset" })),
     ),
-    element("div", { class: "field exposure" }, field("Exposure, stops", exposure), stops, button("Auto", () => tell({ do: "exposure", stops: "auto" }))),
+    element("div", { class: "field exposure" }, field("Exposure, stops", exposure), stops, button("Auto", () => send({ do: "exposure", stops: "auto" }))),
     variants,
   );
   let drawn = "";
@@ -48,7 +48,7 @@ function cameraField(state) {
   const own = state.cameras?.includes(state.camera) ? [] : [["", "made for the stage"]];
   const options = [...own, ...(state.cameras ?? []).map((path) => [path, path])];
   const select = choice(options, state.camera ?? "", { "data-key": "camera" });
-  select.addEventListener("change", () => tell({ do: "camera", path: select.value || null }));
+  select.addEventListener("change", () => send({ do: "camera", path: select.value || null }));
   return field("Camera", select, state.moved ? "moved; its lens is used" : undefined);
 }
 
@@ -56,7 +56,7 @@ function variantField(variant) {
   const names = variant.names.map((name) => [name, name]);
   const options = variant.selection ? names : [["", "none"], ...names];
   const select = choice(options, variant.selection, { "data-key": `${variant.prim} ${variant.set}` });
-  select.addEventListener("change", () => tell({ do: "variant", prim: variant.prim, set: variant.set, name: select.value }));
+  select.addEventListener("change", () => send({ do: "variant", prim: variant.prim, set: variant.set, name: select.value }));
   return field(`${variant.set} of ${variant.prim}`, select);
 }
 
@@ -64,7 +64,7 @@ function signed(stops) {
   return `${stops < 0 ? "" : "+"}${Number(stops).toFixed(2)}`;
 }
 
-// Lists are made anew: whoever was in one stays there.
+// Lists are made again; the focus returns to the list that had it.
 function keepFocus(root, change) {
   const key = document.activeElement?.dataset?.key;
   change();

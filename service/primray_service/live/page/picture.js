@@ -1,10 +1,10 @@
-// The picture, and what mouse and keys do to the camera: drags are sent in parts of the picture's height.
+// The picture, and the mouse and keys that move the camera: drags are sent as fractions of the picture's height.
 
 import { element, say } from "../page/base/dom.js";
-import { move, tell } from "./server.js";
+import { move, send } from "./server.js";
 
 const KEY_STEP = 0.05;
-const WHEEL_STEP = 0.0015; // a pixel of a wheel
+const WHEEL_STEP = 0.0015; // for a pixel of a wheel
 const KINDS = { 0: "tumble", 1: "pan", 2: "dolly" }; // by button
 
 export function picture() {
@@ -14,7 +14,7 @@ export function picture() {
     { class: "stage looked-at", tabindex: 0, role: "img", "aria-label": "The picture. Arrow keys turn it, with Shift they move it; + and - bring it nearer and farther.", data: { pictures: 0 } },
     canvas,
   );
-  const context = canvas.getContext("2d", { willReadFrequently: true }); // pictures come as bytes: no GPU has a part in it
+  const context = canvas.getContext("2d", { willReadFrequently: true }); // pictures come as bytes, so the GPU is not used
   let fetching = false;
   let newest = 0;
 
@@ -25,7 +25,7 @@ export function picture() {
     try {
       while (Number(root.dataset.pictures) < newest) await draw();
     } catch {
-      // The stream of events tells of a server that is gone.
+      // The stream of events reports that a server is gone.
     }
     fetching = false;
   }
@@ -85,11 +85,11 @@ export function picture() {
   return { root, show };
 }
 
-// Keys that mean the same wherever the focus is, but where text is typed or chosen.
+// These keys work wherever the focus is, except in controls for text and choices.
 export function watchKeys() {
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest?.("input, select, textarea")) return;
-    if (event.key === "f") tell({ do: "frame" });
-    if (event.key === "r") tell({ do: "reset" });
+    if (event.key === "f") send({ do: "frame" });
+    if (event.key === "r") send({ do: "reset" });
   });
 }

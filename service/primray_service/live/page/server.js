@@ -1,4 +1,4 @@
-// The way to the server: commands one after the other, in order; moves of the mouse that wait are added up meanwhile.
+// Sends commands to the server, in order, one after the other; moves of the mouse that wait are added up meanwhile.
 
 export async function stage() {
   return (await fetch("stage")).json();
@@ -6,22 +6,22 @@ export async function stage() {
 
 const waiting = [];
 let sending = false;
-let told = () => {};
+let onProblem = () => {};
 
-// `refused` hears of commands that could not be carried out, and of a server that does not answer.
+// `refused` is called with the problem of a command that was not carried out, and if the server does not answer.
 export function onRefused(refused) {
-  told = refused;
+  onProblem = refused;
 }
 
-export function tell(command) {
+export function send(command) {
   waiting.push(command);
   void send();
 }
 
-// As `tell`, added to a move of the same kind that has not been sent yet.
+// Sends a command, added to one of the same kind that has not been sent yet.
 export function move(kind, amounts) {
   const last = waiting.at(-1);
-  if (last?.do !== kind) return tell({ do: kind, ...amounts });
+  if (last?.do !== kind) return send({ do: kind, ...amounts });
   for (const [name, amount] of Object.entries(amounts)) last[name] += amount;
   return undefined;
 }
@@ -37,10 +37,10 @@ async function send() {
         headers: { "content-type": "application/json" },
         body: JSON.stringify(command),
       });
-      if (!answer.ok) told(await answer.json());
+      if (!answer.ok) onProblem(await answer.json());
     } catch {
       waiting.length = 0;
-      told({ title: "The viewer does not answer" });
+      onProblem({ title: "The viewer does not answer" });
     }
   }
   sending = false;

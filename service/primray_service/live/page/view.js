@@ -1,5 +1,5 @@
-// The page of `primray view`: a picture that follows mouse, files and choices, and what is told of it. The server does the work:
-// it sends its state as events, the page fetches the picture that a state names and sends back what its user does.
+// The page of `primray view`: a picture that follows mouse, files and choices, and its state. The server does the work: it
+// sends its state as events; the page fetches the picture that a state names and sends the user's actions.
 
 import { diagnostics } from "../page/base/diagnostics.js";
 import { element, fill, write } from "../page/base/dom.js";
@@ -53,12 +53,12 @@ function show(state) {
 
 const brief = (number) => (Number.isFinite(number) ? number.toPrecision(2) : "?");
 
-let told = "";
+let shownText = "";
 
 function showProblem(given) {
   const text = JSON.stringify(given);
-  if (text === told) return;
-  told = text;
+  if (text === shownText) return;
+  shownText = text;
   if (given) fill(problem, box("The stage cannot be rendered as it is now", `${given.code}: ${given.message}`, given.where));
   else fill(problem);
   fill(refused);

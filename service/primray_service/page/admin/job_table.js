@@ -1,4 +1,4 @@
-// Jobs of all tenants: pause, resume, cancel, another priority.
+// This table shows the jobs of all tenants, and pauses, resumes, cancels them or changes their priority.
 
 import { send } from "../base/api.js";
 import { button, choice, element, field, fill, labelled } from "../base/dom.js";
@@ -17,7 +17,7 @@ export function jobTable({ changed, failed }) {
   const bar = element("form", { class: "bar", on: { submit: (event) => (event.preventDefault(), restart()) } }, field("Tenant", tenant), field("State", state));
   jobs.root.querySelector("h2").after(bar);
   jobs.root.append(pages);
-  let cursors = [null]; // of this page and those before it
+  let cursors = [null]; // of this page and the pages before it
 
   function restart() {
     cursors = [null];
@@ -25,11 +25,11 @@ export function jobTable({ changed, failed }) {
   }
 
   function query() {
-    const asked = new URLSearchParams({ limit: String(PAGE) });
-    if (tenant.value.trim()) asked.set("tenant", tenant.value.trim());
-    if (state.value) asked.set("state", state.value);
-    if (cursors.at(-1)) asked.set("cursor", cursors.at(-1));
-    return asked;
+    const parameters = new URLSearchParams({ limit: String(PAGE) });
+    if (tenant.value.trim()) parameters.set("tenant", tenant.value.trim());
+    if (state.value) parameters.set("state", state.value);
+    if (cursors.at(-1)) parameters.set("cursor", cursors.at(-1));
+    return parameters;
   }
 
   function show(page) {
@@ -59,7 +59,7 @@ export function jobTable({ changed, failed }) {
   async function act(job, method, path, json) {
     try {
       await send(method, `/v1/admin/jobs/${encodeURIComponent(job.id)}${path}`, json);
-      document.activeElement?.blur(); // the row is to show what it is now
+      document.activeElement?.blur(); // so that the row shows its new state
       changed();
     } catch (failure) {
       failed(failure);

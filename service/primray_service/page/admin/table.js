@@ -1,5 +1,5 @@
-// A table under its heading. Rows are kept by their keys and only replaced where what they say differs, so that a control that is
-// in use stays as it is while the page looks again.
+// A table under its heading. Rows are found by their keys and replaced only if their content differs, so that a control in use
+// stays as it is when the page is refreshed.
 
 import { element, fill } from "../base/dom.js";
 
@@ -9,19 +9,19 @@ export function table(caption, columns, empty) {
   const note = element("p", { class: "note", hidden: true }, empty);
   const scroll = element("div", { class: "table-scroll", tabindex: "0", role: "region", "aria-label": caption }, element("table", {}, head, body));
   const root = element("section", { class: "card admin" }, element("h2", {}, caption), scroll, note);
-  const rows = new Map(); // by key: what it says, and its row
+  const rows = new Map(); // by key: the content, and its row
 
-  // `found`: [key, what it says, a function that makes its cells]
+  // `found` is a list of [key, content, function that makes the cells].
   function show(found) {
-    const kept = found.map(([key, says, cells]) => {
+    const entries = found.map(([key, says, cells]) => {
       const known = rows.get(key);
       const inUse = known?.row.contains(document.activeElement) && document.activeElement.matches("input");
       if (known && (known.says === says || inUse)) return [key, known];
       return [key, { says, row: element("tr", {}, cells().map((cell) => element("td", {}, cell))) }];
     });
     rows.clear();
-    for (const [key, row] of kept) rows.set(key, row);
-    const wanted = kept.map(([, { row }]) => row);
+    for (const [key, row] of entries) rows.set(key, row);
+    const wanted = entries.map(([, { row }]) => row);
     if (wanted.length !== body.children.length || wanted.some((row, place) => body.children[place] !== row)) fill(body, wanted);
     note.hidden = found.length > 0;
     scroll.hidden = found.length === 0;

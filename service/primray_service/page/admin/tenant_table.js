@@ -1,4 +1,4 @@
-// What each tenant uses of what it may use, and its quotas, which can be set.
+// This table shows each tenant's usage beside its quotas, which can be set.
 
 import { send } from "../base/api.js";
 import { button, element, field, fill } from "../base/dom.js";
@@ -6,7 +6,7 @@ import * as format from "../base/format.js";
 import { table } from "./table.js";
 
 const GIB = 2 ** 30;
-// Shown in units that people think in: [member, name, one unit of the field]
+// Quotas are shown in readable units: [member, name, one unit of the field].
 const QUOTAS = [
   ["running_jobs", "Jobs that run at a time", 1],
   ["queued_jobs", "Jobs that wait", 1],
@@ -58,13 +58,13 @@ export function tenantTable({ changed, failed }) {
     );
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      const asked = {};
+      const quotas = {};
       QUOTAS.forEach(([name, , unit], place) => {
         const value = inputs[place].value === "" ? null : unit === GIB ? Math.round(Number(inputs[place].value) * unit) : Number(inputs[place].value) * unit;
         const shown = tenant.quotas[name] === null ? "" : String(Number((tenant.quotas[name] / unit).toPrecision(6)));
-        if (inputs[place].value !== shown) asked[name] = value; // what was not touched is not set
+        if (inputs[place].value !== shown) quotas[name] = value; // fields that were not changed are not sent
       });
-      act(tenant, "PATCH", asked);
+      act(tenant, "PATCH", quotas);
     });
     fill(panel, form);
     inputs[0].focus();

@@ -1,4 +1,4 @@
-// Where renders run: nodes with their slots, and the frames that run now.
+// This table shows where renders run: nodes with their slots, and the frames that run now.
 
 import { element, fill } from "../base/dom.js";
 import * as format from "../base/format.js";

@@ -1,4 +1,4 @@
-// Talks to the service: JSON in and out, uploads with progress. Whatever fails becomes a Failure with a problem document.
+// Calls the service: JSON in and out, uploads with progress. Each failure becomes a Failure with a problem document.
 
 export class Failure extends Error {
   constructor(problem, retryAfter = null) {
@@ -8,7 +8,7 @@ export class Failure extends Error {
   }
 }
 
-export const keyNeeded = Object.assign(new EventTarget(), { since: 0 }); // "needed" when an answer says that a key is missing
+export const keyNeeded = Object.assign(new EventTarget(), { since: 0 }); // "needed" is dispatched when an answer says that a key is missing
 
 const silence = (detail) =>
   new Failure({ type: "/problems/no-answer", title: "The server does not answer", status: 0, detail, retryable: true });
@@ -41,7 +41,7 @@ function failureOf(status, text, retryAfter, began = performance.now()) {
   if (typeof problem?.title !== "string") {
     problem = { type: "", title: `The server answered with status ${status}`, status, detail: text.slice(0, 300) };
   }
-  // Not for an answer to a request from before the key was given.
+  // Ignore answers to requests from before the key was entered.
   if (status === 401 && began >= keyNeeded.since) keyNeeded.dispatchEvent(new CustomEvent("needed", { detail: problem }));
   return new Failure(problem, retryAfter && /^\d+$/.test(retryAfter) ? Number(retryAfter) : null);
 }
@@ -55,7 +55,8 @@ export async function send(method, path, json, headers) {
   return response.status === 204 ? null : response.json();
 }
 
-// One more try with the same token must not make a second job; randomUUID is missing where the page came over plain http.
+// A repeated request with the same token must not create a second job; randomUUID is missing on pages that came over plain
+// http.
 export function token() {
   return [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 }
@@ -63,10 +64,10 @@ export function token() {
 export const jobPath = (id, rest = "") => `/v1/jobs/${encodeURIComponent(id)}${rest}`;
 export const scenePath = (id) => `/v1/scenes/${encodeURIComponent(id)}`;
 
-// Bytes. Less is sent sooner than it is asked about; digest() wants the whole file in memory.
+// In bytes. Smaller files are sent faster than the server can be asked for them; digest() needs the whole file in memory.
 const [HASHED_AT_LEAST, HASHED_AT_MOST] = [2 ** 23, 2 ** 28];
 
-// The scene of these bytes, if the server has it already: then nothing is sent.
+// Returns the scene of these bytes if the server has it already: then nothing is sent.
 export async function known(blob) {
   if (!globalThis.crypto?.subtle || blob.size < HASHED_AT_LEAST || blob.size > HASHED_AT_MOST) return null;
   const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", await blob.arrayBuffer()));
@@ -79,7 +80,7 @@ export async function known(blob) {
   }
 }
 
-// XMLHttpRequest, because fetch tells nothing of a body's progress.
+// XMLHttpRequest is used because fetch reports no progress of a request's body.
 export function upload(blob, name, onProgress, signal) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();

@@ -1,4 +1,4 @@
-// What was found in a scene, beside the prims it concerns: grouped by severity, prim or kind, filtered by words.
+// Diagnostics of a scene, with the prims that they concern: grouped by severity, prim or kind, filtered by words.
 
 import { choice, element, field, fill, write } from "./dom.js";
 import { plural } from "./format.js";
@@ -26,23 +26,23 @@ export function diagnostics() {
 
   function draw() {
     const words = filter.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const kept = rows.filter((row) => {
+    const matching = rows.filter((row) => {
       const text = `${row.prim} ${row.code} ${row.kind} ${row.attribute} ${row.detail}`.toLowerCase();
       return words.every((word) => text.includes(word));
     });
     write(heading, rows.length === 0 ? "Nothing to report about the scene" : `${plural(rows.length, "note")} on the scene: ${counted(rows)}`);
     controls.hidden = rows.length < 2;
     const groups = new Map();
-    if (by.value === "severity") kept.sort((a, b) => rank(a) - rank(b));
-    for (const row of kept.slice(0, SHOWN)) {
+    if (by.value === "severity") matching.sort((a, b) => rank(a) - rank(b));
+    for (const row of matching.slice(0, SHOWN)) {
       const name = row[by.value] || "the whole scene";
       groups.set(name, [...(groups.get(name) ?? []), row]);
     }
     fill(
       list,
       [...groups].map(([name, members]) => group(name, members)),
-      kept.length > SHOWN && element("p", { class: "note" }, `${plural(kept.length - SHOWN, "more note")}: narrow the filter to see them.`),
-      rows.length > 0 && kept.length === 0 && element("p", { class: "note" }, "None of the notes matches."),
+      matching.length > SHOWN && element("p", { class: "note" }, `${plural(matching.length - SHOWN, "more note")}: narrow the filter to see them.`),
+      rows.length > 0 && matching.length === 0 && element("p", { class: "note" }, "None of the notes matches."),
     );
   }
 

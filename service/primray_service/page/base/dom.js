@@ -1,5 +1,5 @@
-// Elements made from data. Text becomes text nodes and nothing else, so that nothing a scene, a label or a server says can
-// become markup; attributes that could run something are refused.
+// Elements made from data. Text becomes text nodes only, so that nothing in a scene, a label or an answer of the server can
+// become markup; attributes that could run scripts are refused.
 
 const REFUSED = /^(on|style$|srcdoc$)/i;
 
@@ -28,7 +28,7 @@ function present(children) {
 
 const asNode = (child) => (child instanceof Node ? child : document.createTextNode(String(child)));
 
-// Text is set only where it differs: a screen reader repeats what is set again, and a selection is lost by it.
+// Text is set only if it differs: a screen reader repeats text that is set again, and a selection in it is lost.
 export function write(node, text) {
   if (node.textContent !== String(text)) node.textContent = String(text);
 }
@@ -41,7 +41,7 @@ let made = 0;
 
 export const freshId = (word) => `${word}-${++made}`;
 
-// A control under its label, with a sentence that explains it.
+// A control under its label, with an explanation.
 export function field(label, control, hint) {
   control.id ||= freshId("field");
   const explained = hint ? element("small", { id: `${control.id}-hint` }, hint) : null;
@@ -49,13 +49,13 @@ export function field(label, control, hint) {
   return element("div", { class: "field" }, element("label", { for: control.id }, label), control, explained);
 }
 
-// A control whose name is not seen, where its place says it.
+// A control whose name is not visible, because its position makes it clear.
 export function labelled(name, control) {
   control.setAttribute("aria-label", name);
   return control;
 }
 
-// A box to tick, before its name.
+// A checkbox before its name.
 export function ticked(name, control, meaning = "") {
   control.id ||= freshId("tick");
   return element("div", { class: "tick", title: meaning || null }, control, element("label", { for: control.id }, name));
@@ -67,7 +67,7 @@ export function choice(options, chosen, attributes = {}) {
   return made;
 }
 
-// What is said to those who do not see the picture change.
+// Announces changes of the picture to screen readers.
 export function say(text) {
   write(document.getElementById("say"), text);
 }

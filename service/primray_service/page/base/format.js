@@ -1,4 +1,4 @@
-// Numbers and times as people read them.
+// Formats numbers and times for people.
 
 export function bytes(count) {
   if (!Number.isFinite(count)) return "";
@@ -25,7 +25,7 @@ export function duration(seconds) {
 
 const SUPERSCRIPT = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
 
-// Two digits that count: 0.021, 3.4·10⁻⁵.
+// Returns two significant digits: 0.021, 3.4·10⁻⁵.
 export function error(value) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   if (!Number.isFinite(value)) return "∞";
@@ -35,7 +35,7 @@ export function error(value) {
   return `${trimmed((value / 10 ** power).toPrecision(2))}·10${[...String(power)].map((digit) => SUPERSCRIPT[digit]).join("")}`;
 }
 
-// With as many digits as tell pixels apart.
+// Returns enough digits to distinguish pixels.
 export function fixed(value) {
   if (!Number.isFinite(value)) return Number.isNaN(value) ? "NaN" : value > 0 ? "∞" : "−∞";
   if (value !== 0 && (Math.abs(value) < 0.001 || Math.abs(value) >= 10000)) return error(value);
@@ -54,7 +54,7 @@ export function rate(value) {
   return value >= 1e3 ? `${(value / 1e3).toFixed(0)} k/s` : `${value.toFixed(0)}/s`;
 }
 
-// 12.3 %, of what is finished; percent() is of what is not, and never says 100 too soon.
+// Returns 12.3 % for finished work; percent() is for work in progress, and never shows 100 too soon.
 export const percentOf = (fraction) => `${Number((100 * fraction).toFixed(1))} %`;
 
 export const percent = (fraction) => `${Math.floor(100 * Math.min(1, Math.max(0, fraction)))} %`;

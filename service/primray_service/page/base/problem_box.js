@@ -1,4 +1,4 @@
-// A problem document as a box: what happened, where, and what can be done.
+// A problem document as a box: what happened, where, and what can be done about it.
 
 import { button, element } from "./dom.js";
 import { adviceFor } from "./words.js";
@@ -16,7 +16,7 @@ const PLACES = {
   signal: "Signal",
   limit: "Allowed",
   count: "Found",
-  asked: "Asked for",
+  asked: "Requested",
   where: "Where",
   state: "State",
   scope: "Scope",
@@ -59,7 +59,7 @@ function worded(value) {
   return typeof value === "object" ? JSON.stringify(value) : String(value);
 }
 
-// Places in the request that were refused, one a line.
+// Members of the request that were refused, one a line.
 function errors(found) {
   if (!Array.isArray(found) || found.length === 0) return null;
   return element(

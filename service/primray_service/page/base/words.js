@@ -1,4 +1,4 @@
-// The service's states, phases and problems in plain words, and what a person can do about each problem.
+// The service's states, phases and problems in plain words, and advice on each problem.
 
 import * as format from "./format.js";
 
@@ -22,7 +22,7 @@ const PHASES = {
   starting: "starting a renderer",
   opening: "opening the stage",
   translating: "reading prims, materials and lights",
-  building: "building what rays are traced against",
+  building: "building acceleration structures",
   sampling: "taking samples",
   writing: "writing the pictures",
 };
@@ -44,7 +44,7 @@ export function phaseWords(job) {
   return PHASES[phase] ?? phase ?? stateWords(job.state);
 }
 
-// Errors of a picture as an artist meets them; relMSE of 0.01 is noise of about a tenth of a pixel's value.
+// Errors of a picture in an artist's terms; a relMSE of 0.01 is noise of about a tenth of a pixel's value.
 export const QUALITIES = [
   ["0.01", "Noise you can see", "for look-dev; error 0.01"],
   ["0.001", "Clean", "little noise left; error 0.001"],
@@ -66,7 +66,7 @@ const ADVICE = {
   "digest-mismatch": "The file was damaged on its way. Upload it again.",
   "upload-too-large": "Remove what the shot does not need, or ask the operator for a higher limit.",
   "upload-incomplete": "The connection broke. Upload it again.",
-  "limit-exceeded": "Ask for less, or ask the operator for a higher limit.",
+  "limit-exceeded": "Reduce it, or ask the operator for a higher limit.",
   "unsupported-setting": "Choose another value.",
   "parallel-denoise": "Leave out the denoised error to stop at, or parallel.",
   "parallel-adaptive": "Leave out adaptive sampling, or parallel.",
@@ -85,13 +85,13 @@ const ADVICE = {
   "scene-rejected": "Correct the scene and upload it again.",
   "scene-too-large": "Make the scene smaller, or ask the operator for a higher limit.",
   "settings-rejected": "Choose settings that the scene allows.",
-  "strict-warnings": "Correct what the warnings name, or render without “refuse warnings”.",
+  "strict-warnings": "Correct what the warnings name, or render without “refuse a scene with warnings”.",
   "time-limit": "Make the scene lighter, or ask the operator for more time.",
   "memory-limit": "Make textures, subdivision or the picture smaller, or ask the operator for more memory.",
-  "storage-limit": "Ask for fewer frames or a smaller picture.",
-  "renderer-crashed": "This is a fault of the renderer. Report it with the scene; the log may tell more.",
-  "render-failed": "The log may tell more.",
-  "checkpoint-unusable": "Render it anew.",
+  "storage-limit": "Render fewer frames or a smaller picture.",
+  "renderer-crashed": "This is a fault of the renderer. Report it with the scene; the log may have details.",
+  "render-failed": "The log may have details.",
+  "checkpoint-unusable": "Render it again.",
   "job-expired": "Submit it again with a longer time to live.",
   "storage-full": "Ask the operator to make room, then try again.",
   unavailable: "Try again in a moment.",
@@ -101,7 +101,7 @@ const ADVICE = {
 
 export const slugOf = (problem) => String(problem.type ?? "").replace("/problems/", "");
 
-// Why a job failed, for lists: the renderer's own code where the error is the renderer's.
+// Returns the code of a job's failure, for lists: the renderer's own code if the error is the renderer's.
 export const codeOf = (problem) => String(problem.code || slugOf(problem));
 
 export const adviceFor = (problem) => ADVICE[slugOf(problem)] ?? "";

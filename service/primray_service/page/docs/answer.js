@@ -1,10 +1,10 @@
-// What a server answered: status, headers, and the body as JSON, text as it comes, a picture, or a file to save.
+// Shows a server's answer: status, headers, and the body as JSON, text as it arrives, a picture, or a file to save.
 
 import { element } from "../base/dom.js";
 
 const SHOWN_AT_MOST = 200_000; // characters
 
-// The body where it is JSON, once it is all there.
+// Returns the body if it is JSON, once it has arrived.
 export async function showAnswer(root, response, milliseconds) {
   root.dataset.class = String(response.status)[0];
   root.append(
@@ -33,7 +33,7 @@ export function showFailure(root, words) {
   root.append(element("h4", {}, words));
 }
 
-// Events come one by one until the job ends or Stop is pressed.
+// Events arrive one by one until the job ends or Stop is pressed.
 async function stream(response, root) {
   const shown = element("pre", { class: "content" });
   root.append(shown);

@@ -1,10 +1,10 @@
-// A form for one operation of an OpenAPI document, and the request that it says: address, headers, body.
+// A form for one operation of an OpenAPI document, and the request that it makes: address, headers, body.
 
 import { button, choice, element, field, fill } from "../base/dom.js";
 
-const ANY_SCENE = /sha256:0{64}/g; // as the examples of bodies name one
+const ANY_SCENE = /sha256:0{64}/g; // the placeholder in examples of bodies
 
-// `known`: values of parameters that earlier answers told; `run` is called with { url, method, headers, body }.
+// `known` has values of parameters from earlier answers; `run` is called with { url, method, headers, body }.
 export function requestForm(spec, method, path, operation, known, run) {
   const parameters = (operation.parameters ?? []).map((parameter) => ({ ...parameter, control: controlOf(parameter) }));
   const bodies = Object.entries(operation.requestBody?.content ?? {});
@@ -55,7 +55,7 @@ export function requestForm(spec, method, path, operation, known, run) {
   };
 }
 
-// Path and query of the address; parameters of the head go into `headers`.
+// Returns the path and query of the address; header parameters are added to `headers`.
 function addressed(path, parameters, headers) {
   const query = new URLSearchParams();
   let filled = path;
@@ -71,14 +71,14 @@ function addressed(path, parameters, headers) {
 const isArray = (schema) => schema.type === "array" || schema.anyOf?.some(({ type }) => type === "array");
 
 function controlOf({ schema, required }) {
-  const told = schema.default === undefined || schema.default === null ? "" : `default: ${schema.default}`;
+  const defaultText = schema.default === undefined || schema.default === null ? "" : `default: ${schema.default}`;
   const values = schema.enum ?? schema.anyOf?.find((one) => one.enum)?.enum ?? (schema.type === "boolean" ? [true, false] : null);
-  if (values) return choice([...(required ? [] : [["", told || "not sent"]]), ...values.map((value) => [value, value])]);
-  const placeholder = isArray(schema) ? "several by commas" : told || (schema.examples?.[0] ?? "");
+  if (values) return choice([...(required ? [] : [["", defaultText || "not sent"]]), ...values.map((value) => [value, value])]);
+  const placeholder = isArray(schema) ? "separated by commas" : defaultText || (schema.examples?.[0] ?? "");
   return element("input", { type: "text", required, placeholder, autocomplete: "off", spellcheck: "false" });
 }
 
-// The controls of a body, and what they say as the body of a request.
+// Returns the controls of a body, and functions that read a request's body and headers from them.
 function bodyOf(spec, name, media, required) {
   if (name === "application/json") {
     const text = element("textarea", { spellcheck: "false", required, value: JSON.stringify(media.example ?? {}, null, 2) });

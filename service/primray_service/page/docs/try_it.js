@@ -1,5 +1,5 @@
-// Adds "Try it" to every operation of /docs: a form made of the server's own OpenAPI document. Requests go to this server alone,
-// since a service takes changes from its own pages only, and the page's policy lets it ask nobody else.
+// Adds "Try it" to every operation of /docs: a form made from the server's own OpenAPI document. Requests go to this server
+// only, since a service accepts changes only from its own pages, and the page's policy allows no other address.
 
 import { element, field, fill, say } from "../base/dom.js";
 import { showAnswer, showFailure } from "./answer.js";
@@ -7,10 +7,10 @@ import { requestForm } from "./request_form.js";
 
 const SERVER_OF_EXAMPLES = "http://127.0.0.1:8700";
 const spec = await (await fetch("/openapi.json")).json();
-const known = new Map(); // what answers said that other requests want: a job's id, a scene's
+const known = new Map(); // values of answers that other requests need: ids of jobs and scenes
 const key = element("input", { type: "password", autocomplete: "off", spellcheck: "false" });
 
-const hint = `Requests go to ${location.origin}. The key goes with each and is not kept; on loopback none is needed.`;
+const hint = `Requests go to ${location.origin}. Each carries the key, which is not stored; on loopback none is needed.`;
 const keyForm = element("form", { on: { submit: (event) => event.preventDefault() } }, field("API key", key, hint));
 fill(document.getElementById("key"), keyForm);
 for (const example of document.querySelectorAll(".operation pre")) {
@@ -24,7 +24,7 @@ for (const [path, methods] of Object.entries(spec.paths)) {
 openSchema();
 addEventListener("hashchange", openSchema);
 
-// The form is made when it is first looked at: there are dozens.
+// A form is made when it is first opened: there are dozens.
 function tryIt(method, path, operation) {
   const folded = element("details", { class: "try" }, element("summary", {}, "Try it"));
   folded.addEventListener("toggle", () => {
@@ -55,7 +55,7 @@ async function send({ url, ...options }, operation, form, answer) {
   }
 }
 
-// OpenAPI 3.1, 4.8.20: an answer's links say which parameter of which operation its id is.
+// An answer's links name the parameters of other operations that its id is for (OpenAPI 3.1, 4.8.20).
 function remember(links, found) {
   for (const link of Object.values(links ?? {})) {
     for (const [name, from] of Object.entries(link.parameters ?? {})) {

@@ -1,4 +1,4 @@
-// An OpenEXR file on the server, read by ranges: its headers, then of each part that somebody looks at its own bytes alone.
+// Reads an OpenEXR file on the server by ranges: its headers, then only the bytes of the parts that are shown.
 
 import { call } from "../base/api.js";
 import { BadExr, NeedsMore, readHeaders } from "./header.js";
@@ -7,9 +7,9 @@ import { planesOf } from "./planes.js";
 const FIRST_BYTES = 2 ** 16;
 const MOST_HEADER = 2 ** 25; // manifests of Cryptomattes are long
 const MOST_PART = 2 ** 29;
-const KEPT = 2 ** 28; // bytes of planes, of the parts that were looked at last
+const KEPT = 2 ** 28; // bytes of planes, of the parts that were shown last
 
-// `range(begin, end)` resolves to those bytes of a file of `size`, which stays as it is.
+// `range(begin, end)` resolves to those bytes of a file of `size` bytes, which does not change.
 export async function openExr(range, size) {
   const { head, found } = await headers(range, size);
   const tables = found.parts.map((part) => 8 * part.chunks);
@@ -23,24 +23,24 @@ export async function openExr(range, size) {
     return { ...part, offsets };
   });
   const starts = parts.flatMap(({ offsets }) => offsets).concat(size).sort((a, b) => a - b);
-  const read = new Map(); // {reading, bytes} by the part's number, in the order in which they were looked at
+  const read = new Map(); // {reading, bytes} by the part's number, least recently shown first
 
-  // {step, width, height, planes} of the part of this number.
+  // Resolves to {step, width, height, planes} of the part of this number.
   function planes(number) {
     const before = read.get(number);
     read.delete(number);
-    const kept = before ?? { reading: load(parts[number]), bytes: 0 };
-    read.set(number, kept);
-    if (!before) kept.reading.then((found) => keep(kept, found), () => read.get(number) === kept && read.delete(number));
-    return kept.reading;
+    const entry = before ?? { reading: load(parts[number]), bytes: 0 };
+    read.set(number, entry);
+    if (!before) entry.reading.then((found) => keep(entry, found), () => read.get(number) === entry && read.delete(number));
+    return entry.reading;
   }
 
-  function keep(kept, { planes }) {
-    kept.bytes = planes.reduce((sum, { byteLength }) => sum + byteLength, 0);
+  function keep(entry, { planes }) {
+    entry.bytes = planes.reduce((sum, { byteLength }) => sum + byteLength, 0);
     let sum = [...read.values()].reduce((bytes, each) => bytes + each.bytes, 0);
     for (const [number, each] of read) {
       if (sum <= KEPT) return;
-      if (each === kept) continue;
+      if (each === entry) continue;
       sum -= each.bytes;
       read.delete(number);
     }
@@ -76,10 +76,10 @@ async function headers(range, size) {
   }
 }
 
-// Ranges of what a URL stands for.
+// Reads ranges of the file at a URL.
 export const rangesOf = (url, signal) => async (begin, end) => {
   const response = await call("GET", url, { accept: "*/*", headers: { range: `bytes=${begin}-${end - 1}` }, signal });
   const buffer = await response.arrayBuffer();
-  // A server may answer with all of it.
+  // A server may answer with the whole file.
   return response.status === 206 ? buffer : buffer.slice(begin, end);
 };

@@ -1,15 +1,15 @@
-// The headers of an OpenEXR file: its parts with channels, windows, compression and attributes. Scanline parts, flat, single or
-// many: what the renderer writes. "OpenEXR File Layout", openexr.com, version 2.
+// Reads the headers of an OpenEXR file: its parts with channels, windows, compression and attributes. Flat scanline parts are
+// supported, one or several, as the renderer writes them ("OpenEXR File Layout", openexr.com, version 2).
 
 const MAGIC = 20000630;
 const [TILED, DEEP, MULTIPART] = [0x200, 0x800, 0x1000];
 
 export class BadExr extends Error {}
 
-// There are more headers than bytes: fetch more.
+// The headers are longer than the bytes so far: fetch more.
 export class NeedsMore extends Error {}
 
-// {parts, end, isMultipart}: `end` is where the tables of offsets begin.
+// Returns {parts, end, isMultipart}; the tables of offsets begin at `end`.
 export function readHeaders(buffer) {
   const cursor = reading(buffer);
   if (cursor.u32() !== MAGIC) throw new BadExr("The file is no OpenEXR file.");
@@ -19,7 +19,7 @@ export function readHeaders(buffer) {
   const parts = [];
   for (;;) {
     const attributes = header(cursor);
-    if (attributes.size === 0) break; // an empty header ends those of several parts
+    if (attributes.size === 0) break; // an empty header ends the headers of several parts
     parts.push(part(attributes));
     if (!isMultipart) break;
   }
@@ -52,7 +52,7 @@ function part(attributes) {
     frame: { x: left, y: top, width: farRight - left + 1, height: farBottom - top + 1 },
     channels,
     isPacked: compression !== 0,
-    rows, // of a chunk
+    rows, // of one chunk
     chunks: Math.ceil(height / rows),
     strings,
   };

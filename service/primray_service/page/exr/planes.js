@@ -1,17 +1,17 @@
-// Chunks of scanlines to planes of numbers, a Float32Array or Uint32Array for each channel. Of very large parts, every so many
-// rows and columns: a screen shows no more.
+// Decodes chunks of scanlines to planes of numbers, a Float32Array or Uint32Array for each channel. Rows and columns of very
+// large parts are skipped at regular steps, since a screen shows no more.
 
 import { HALF } from "../base/half.js";
 import { BadExr } from "./header.js";
 
 const MOST_KEPT = 2 ** 22; // pixels
 const BYTES = { uint: 4, half: 2, float: 4 };
-const BREATH_MS = 12; // of work, then what else the page has to do
+const BREATH_MS = 12; // of work, before the page gets to do anything else
 
-// How many rows and columns are passed by for each that is kept.
+// Returns the distance in rows and columns between two pixels that are read.
 export const stepOf = ({ width, height }) => Math.ceil(Math.sqrt((width * height) / MOST_KEPT));
 
-// {step, width, height, planes}; `chunkOf(n)` gives the bytes of chunk n, or null where they are not in the file.
+// Returns {step, width, height, planes}; `chunkOf(n)` returns the bytes of chunk n, or null if they are not in the file.
 export async function planesOf(part, chunkOf) {
   const step = stepOf(part);
   const [width, height] = [Math.ceil(part.width / step), Math.ceil(part.height / step)];
@@ -43,7 +43,7 @@ async function unpacked(part, bytes, rows) {
   return joined(found);
 }
 
-// Packed bytes are differences, those at even places before those at odd ones (OpenEXR, ImfZip.cpp).
+// Packed bytes are differences; those at even places come before those at odd ones (OpenEXR, ImfZip.cpp).
 function joined(found) {
   const made = new Uint8Array(found.length);
   const half = (found.length + 1) >> 1;

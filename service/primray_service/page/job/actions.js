@@ -1,4 +1,4 @@
-// What can be done to a job: cancel, go on to a lower error, delete, render again with other settings, compare, read its log.
+// Actions on a job: cancel, continue to a lower error, delete, render again with other settings, compare, read its log.
 
 import { jobPath, send } from "../base/api.js";
 import { button, element, field, fill } from "../base/dom.js";
@@ -50,7 +50,7 @@ export function actions(id, { changed, failed }) {
     const form = element(
       "form",
       { class: "continue" },
-      element("p", { class: "note" }, reached ? `It goes on from where it ended, at an error of ${format.error(reached)}.` : "It goes on from where it ended."),
+      element("p", { class: "note" }, reached ? `It continues from an error of ${format.error(reached)}.` : "It continues from where it ended."),
       field("Target error", target),
       field("Or seconds in all", seconds),
       field("Or samples a pixel in all", samples),
@@ -70,7 +70,7 @@ export function actions(id, { changed, failed }) {
     target.select();
   }
 
-  // Asked in the page: a browser's own question box blocks everything, the picture too.
+  // The question is part of the page: a browser's own dialog blocks everything, the picture too.
   function remove() {
     const sure = button("Delete it", async () => {
       self.onDelete(true);

@@ -1,5 +1,5 @@
-// The error against time or samples on logarithmic axes, with its 95 % band and the target. uPlot is a global: it comes as a
-// classic script.
+// Plots the error against time or samples on logarithmic axes, with its 95 % band and the target. uPlot is a global: it is
+// loaded as a classic script.
 
 import { button, element } from "../base/dom.js";
 import * as format from "../base/format.js";
@@ -31,7 +31,7 @@ export function curve() {
     make();
   }
 
-  // `rows`: of the convergence; those that a logarithm cannot show are left out.
+  // `rows` are those of the convergence; rows that a logarithm cannot show are left out.
   function show(given, goal, measure) {
     rows = given.filter((row) => row[measure] > 0 && row.t_s > 0 && row.samples > 0);
     target = goal > 0 ? goal : null;
@@ -48,7 +48,7 @@ export function curve() {
   function data() {
     const xs = rows.map((row) => row[across]);
     const values = rows.map((row) => row[metric]);
-    // A half-width or a pair, and only for the measure that the intervals belong to.
+    // The interval is a half-width or a pair, and belongs to one of the measures only.
     const low = rows.map((row) => bound(row, 0));
     const high = rows.map((row) => bound(row, 1));
     return [xs, high, low, values];
@@ -59,7 +59,7 @@ export function curve() {
     return Number.isFinite(value) && value > 0 ? value : row[metric];
   }
 
-  // Whole decades around the values, at least one, so that axes do not jump at every row.
+  // Axes span whole decades around the values, at least one, so that they do not change with every row.
   function decades(values, least) {
     const positive = values.filter((value) => value > 0);
     if (positive.length === 0) return least;
@@ -98,14 +98,14 @@ export function curve() {
           { stroke: color("--accent"), width: 2, points: { show: rows.length < 3, size: 6, fill: color("--accent") } },
         ],
         bands: [{ series: [1, 2], fill: color("--band") }],
-        hooks: { setCursor: [tell], draw: [(self) => drawTarget(self, color("--goal"))] },
+        hooks: { setCursor: [showCursor], draw: [(self) => drawTarget(self, color("--goal"))] },
       },
       data(),
       box,
     );
   }
 
-  // From edge to edge, whatever has been measured.
+  // The line goes from edge to edge, whatever has been measured.
   function drawTarget(self, stroke) {
     if (!target) return;
     const { ctx, bbox } = self;
@@ -129,7 +129,7 @@ export function curve() {
     plot.setData(data());
   }
 
-  function tell(self) {
+  function showCursor(self) {
     const row = rows[self.cursor.idx];
     const caption = root.querySelector("figcaption span");
     caption.textContent = row

@@ -1,11 +1,11 @@
-// What a job was asked for and what it came to: its problem if it failed, settings, times, use of the machine.
+// A job's settings and results: its problem if it failed, times, use of the machine.
 
 import { element, fill } from "../base/dom.js";
 import * as format from "../base/format.js";
 import { problemBox } from "../base/problem_box.js";
 import { STOPPED } from "../base/words.js";
 
-// With its interval.
+// Returns the error with its confidence interval.
 function errorOf(found) {
   if (!found) return undefined;
   const [low, high] = found.ci95 ?? [];
@@ -13,10 +13,10 @@ function errorOf(found) {
 }
 
 export function facts(id) {
-  const failure = element("div", {}); // the problem of a job that failed, which a view puts first
+  const failure = element("div", {}); // the problem of a failed job, which a view shows first
   const list = element("dl", { class: "facts" });
   const root = element("div", {}, element("details", { class: "card" }, element("summary", {}, "Settings and figures"), list));
-  let told = "";
+  let written = "";
 
   function show(job, scene) {
     const settings = job.settings ?? {};
@@ -31,19 +31,19 @@ export function facts(id) {
       ["Seed", settings.seed],
       ["Priority", job.priority],
       ["Attempt", job.attempt],
-      ["Made", format.when(job.created_at)],
+      ["Created", format.when(job.created_at)],
       ["Started", format.when(job.started_at)],
       ["Ended", format.when(job.finished_at)],
-      ["It ended because", STOPPED[job.result?.stop?.reason] ?? job.result?.stop?.reason],
+      ["Stopped because", STOPPED[job.result?.stop?.reason] ?? job.result?.stop?.reason],
       ["Error", errorOf(job.result?.error)],
       ["Error, denoised", errorOf(job.result?.denoised)],
       ["CPU time", format.duration(job.usage?.cpu_s)],
-      ["Most memory", format.bytes(job.usage?.peak_rss_bytes)],
-      ["Kept until", format.when(job.expires_at)],
+      ["Peak memory", format.bytes(job.usage?.peak_rss_bytes)],
+      ["Expires", format.when(job.expires_at)],
     ];
     const text = JSON.stringify(rows);
-    if (text === told) return;
-    told = text;
+    if (text === written) return;
+    written = text;
     fill(list, rows.filter(([, value]) => value !== undefined && value !== null && value !== "").map(([name, value]) => [element("dt", {}, name), element("dd", {}, typeof value === "object" ? JSON.stringify(value) : value)]));
   }
 

@@ -1,5 +1,5 @@
-// The frames of a job that has several: one button each, with its state and error; the one that is rendered is followed until
-// another is chosen.
+// The frames of a job that has several: a button each, with its state and error. The strip follows the frame that is being
+// rendered until another is chosen.
 
 import { get, jobPath } from "../base/api.js";
 import { button, element, fill, write } from "../base/dom.js";
@@ -10,7 +10,7 @@ const SHOWN = 200;
 
 const ENDED = new Set(["succeeded", "failed", "canceled"]);
 
-// `onFrames(frames)`: those that are shown, whenever they are read.
+// `onFrames(frames)` is called with the frames that are shown, whenever they are read.
 export function frameStrip(job, onChoose, onRetry, onFrames = () => {}) {
   const list = element("div", { class: "frames", role: "group", "aria-label": "Frames" });
   const pages = element("div", { class: "pages" });

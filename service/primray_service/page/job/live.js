@@ -1,6 +1,6 @@
-// A job's events as they happen. EventSource reconnects by itself after a broken connection; after an answer that is not a
-// stream (the server restarts, a key ran out) it gives up, so a new one is made after a while, from the last event seen.
-// Whoever listens reads the job again on "open": nothing that happened in between is missed.
+// Delivers a job's events as they happen. EventSource reconnects by itself after a broken connection; after an answer that is
+// not a stream (the server restarts, a key expired) it gives up, so a new one is made after a while, from the last event seen.
+// Listeners read the job again on "open", so that they miss nothing that happened in between.
 
 const WAIT_S = [1, 2, 4, 8, 15];
 const TYPES = ["state", "progress", "preview", "frame", "warning", "queue", "end"];
@@ -24,10 +24,10 @@ export function live(url, { onEvent, onOpen, onLost }) {
       timer = setTimeout(start, 1000 * WAIT_S[Math.min(failures, WAIT_S.length - 1)]);
       failures += 1;
     });
-    for (const type of TYPES) source.addEventListener(type, (event) => tell(type, event));
+    for (const type of TYPES) source.addEventListener(type, (event) => dispatch(type, event));
   }
 
-  function tell(type, event) {
+  function dispatch(type, event) {
     last = Number(event.lastEventId) || last;
     let data;
     try {

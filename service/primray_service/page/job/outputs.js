@@ -25,7 +25,7 @@ export function outputs(job) {
         say("SHA-256 copied");
         setTimeout(() => write(copy, "Copy SHA-256"), 2000);
       } catch {
-        write(copy, digest); // no clipboard without https: show all of it, to be selected
+        write(copy, digest); // there is no clipboard without https: show all of the digest, so that it can be selected
       }
     }, { class: "quiet" });
     return element(

@@ -1,4 +1,4 @@
-// How far a job is: what it does, how large its error is, how long it still takes.
+// A job's progress: its phase, its error, its remaining time.
 
 import { element, write } from "../base/dom.js";
 import * as format from "../base/format.js";

@@ -1,4 +1,4 @@
-// Colours that stand for numbers: viridis for amounts, hues for ids.
+// Colours that represent numbers: viridis for amounts, hues for ids.
 
 // viridis at even steps, by S. van der Walt and N. Smith, CC0.
 const VIRIDIS = [
@@ -7,7 +7,7 @@ const VIRIDIS = [
 ];
 const STEPS = 1024;
 
-// 3 bytes for each of STEPS + 1 places from 0 to 1.
+// Returns 3 bytes for each of STEPS + 1 values from 0 to 1.
 const MAP = Uint8ClampedArray.from({ length: 3 * (STEPS + 1) }, (_, at) => {
   const position = (Math.floor(at / 3) / STEPS) * (VIRIDIS.length - 1);
   const below = Math.min(VIRIDIS.length - 2, Math.floor(position));
@@ -28,8 +28,8 @@ export function paintAmount(data, to, share) {
   data[to + 2] = MAP[at + 2];
 }
 
-// A colour that is the same for the same id, and seldom near that of another, least of all of the next: hues go on by the golden
-// section of the circle. [r, g, b]
+// Returns a colour [r, g, b] that is the same for equal ids, and seldom close to that of another id, least of all the next:
+// hues advance by the golden section of the circle.
 export function colorOfId(id) {
   if (id === 0) return [0, 0, 0];
   let mixed = Math.imul(id ^ (id >>> 16), 0x45d9f3b);

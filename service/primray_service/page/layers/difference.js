@@ -1,14 +1,14 @@
-// Where two layers of one kind and size differ, by how much, and whether by more than their errors explain.
+// Difference of two layers of one kind and size: where, how large, and whether larger than their errors explain.
 
 import * as format from "../base/format.js";
 import { paintAmount } from "./colors.js";
 import { WEIGHTS, bitsOf, shade } from "./paint.js";
 
-const MOST_Z = 6; // standard errors that the scale goes to
-const BEYOND = 3; // which chance alone exceeds in 0.3 % of pixels
+const MOST_Z = 6; // standard errors at the end of the scale
+const BEYOND = 3; // standard errors that chance alone exceeds in 0.3 % of pixels
 const FLOOR = 0.01; // of relMSE: the mean of (A - B)^2 / (B^2 + 0.01)
 
-// Why there is no difference of the two, or "".
+// Returns why the two have no difference, or "".
 export function unlike(a, b) {
   if (a.fullWidth !== b.fullWidth || a.fullHeight !== b.fullHeight) return `The sizes differ (${a.fullWidth} × ${a.fullHeight} and ${b.fullWidth} × ${b.fullHeight})`;
   if (a.width !== b.width || a.height !== b.height) return "One of the two has fewer pixels here than the other";
@@ -16,7 +16,12 @@ export function unlike(a, b) {
   return isAlike ? "" : "The two are of different kinds";
 }
 
-// {planes, deviations, facts}: `planes` are |A - B| by channel, infinite where one alone is; `deviations` are differences over their standard errors, or null where errors are not known; `facts` is [[name, words]].
+// Returns {planes, deviations, facts}: `planes` are
+//
+// A - B
+//
+//  by channel, infinite where only one has a value; `deviations` are differences divided by their standard errors, or null if
+// errors are not known; `facts` is [[name, words]].
 export function differenceOf(a, b) {
   if (a.kind === "ids") return named(idsApart(a, b), "Pixels that differ");
   if (a.kind === "mattes") return named(mattesApart(a, b), "Coverage that differs, in the mean");
@@ -61,16 +66,16 @@ function named(plane, name) {
   return { planes: [plane], deviations: null, facts };
 }
 
-// By names, since the numbers of the same prim are others in another job.
+// Ids are compared by name, since the same prim has another number in another job.
 function idsApart(a, b) {
   const [nameInA, nameInB] = [namesOf(a), namesOf(b)];
   return Float32Array.from(a.planes[0], (id, at) => (nameInA(id) === nameInB(b.planes[0][at]) ? 0 : 1));
 }
 
-// A function that gives an id's name, or the id where it has none.
+// Returns a function that returns an id's name, or the id if it has none.
 const namesOf = ({ ids }) => (id) => (id === 0 ? 0 : (ids.get(id) ?? id));
 
-// Half the sum of how much each name's coverage differs: 0 to 1.
+// Returns half the sum of the differences of each name's coverage, from 0 to 1.
 function mattesApart(a, b) {
   const [nameInA, nameInB] = [namesOf(a), namesOf(b)];
   const pairs = (layer) => Array.from({ length: layer.planes.length >> 1 }, (_, pair) => [bitsOf(layer.planes[2 * pair]), layer.planes[2 * pair + 1]]);
@@ -87,8 +92,8 @@ function mattesApart(a, b) {
 
 const add = (shares, name, share) => shares.set(name, (shares.get(name) ?? 0) + share);
 
-// Of luminance where there are three channels, whose errors add up, since they saw the same paths. The two pictures' are
-// independent. NaN where an error is not known.
+// Returns the standard error of luminance for three channels, whose errors add up, since they share the same paths. Errors of
+// the two pictures are independent. NaN if an error is not known.
 function deviationsOf(a, b) {
   const count = a.errors.length;
   if (count === 0 || count !== b.errors.length || (count !== 3 && count !== 1)) return null;
@@ -107,7 +112,11 @@ function deviationsOf(a, b) {
 
 const beyond = (deviations) => deviations.reduce((sum, value) => sum + (value > BEYOND ? 1 : 0), 0) / deviations.length;
 
-// Draws |A - B|: colours times `gain`, black where they agree; amounts over their range. A scale for a legend, or null.
+// Draws
+//
+// A - B
+//
+// : colours times `gain`, black where they agree; amounts over their range. Returns a scale for a legend, or null.
 export function paintDifference(canvas, layer, { planes }, gain) {
   return painted(canvas, layer, (data, count) => {
     if (layer.kind === "color") {

@@ -1,24 +1,23 @@
-// The view that the server's pictures are seen through, as a table of it (pictures/views.py): what is drawn here looks as
-// its PNG does.
+// The view of the server's pictures, as a table (pictures/views.py): what is drawn here looks like its PNG.
 
 import { call } from "../base/api.js";
 
-// Linear spaces that the server has a table for (pictures/request.py), by the ids that files name.
+// The server has tables for these linear spaces (pictures/request.py), by the ids that files name.
 export const SPACES = ["lin_rec709_scene", "lin_ap1_scene", "lin_ap0_scene", "lin_p3d65_scene", "lin_rec2020_scene", "lin_adobergb_scene"];
-const asked = new Map();
+const tables = new Map();
 
-// Of light in a space: resolves to {display, view, shade}; null where there is none for the space. Fetched once. `through`: names
-// of a job's view, display and look, where its files are not seen through the default.
+// Resolves to {display, view, shade} of light in a space, or null if there is no table for it; fetched once. `through` names a
+// job's view, display and look, if they are not the default.
 export function serversView(space, through = {}) {
   if (!SPACES.includes(space)) return null;
   const named = ["view", "display", "look"].filter((name) => through[name]).map((name) => [name, through[name]]);
   const query = new URLSearchParams([["space", space], ...named]).toString();
-  if (!asked.has(query)) {
+  if (!tables.has(query)) {
     const fetching = fetchTable(query);
-    asked.set(query, fetching);
-    fetching.catch(() => asked.delete(query));
+    tables.set(query, fetching);
+    fetching.catch(() => tables.delete(query));
   }
-  return asked.get(query);
+  return tables.get(query);
 }
 
 async function fetchTable(query) {
@@ -34,14 +33,14 @@ export function viewOf(buffer) {
   const steps = (side - 1) / (Math.log2(most + least) - bottom);
   const [overRed, overGreen, overBlue] = [3 * side * side, 3 * side, 3];
 
-  // The place of a value on a side of the cube, from 0 to side - 1; what is not finite is black, as in the PNG.
+  // Returns a value's position on a side of the cube, from 0 to side - 1; a value that is not finite is black, as in the PNG.
   const place = (value) => (value > 0 && value < Infinity ? Math.min(side - 1, steps * (Math.log2(value + least) - bottom)) : 0);
 
-  // Writes the 8-bit values of a colour to data[to...], between the corners of the tetrahedron that it is in.
+  // Writes the 8-bit values of a colour to data[to...], interpolated in the tetrahedron that contains it.
   function shade(data, to, red, green, blue) {
     const [x, y, z] = [place(red), place(green), place(blue)];
     const [i, j, k] = [Math.min(side - 2, x | 0), Math.min(side - 2, y | 0), Math.min(side - 2, z | 0)];
-    let [a, b, c] = [x - i, y - j, z - k]; // falling, with the steps that they are of
+    let [a, b, c] = [x - i, y - j, z - k]; // sorted in descending order, with their steps
     let [one, two, three] = [overRed, overGreen, overBlue];
     if (a < b) [a, b, one, two] = [b, a, two, one];
     if (b < c) [b, c, two, three] = [c, b, three, two];

@@ -1,4 +1,4 @@
-// How often values occur in what is shown: of colours by stops, with what is clipped; of amounts over their range.
+// Histogram of the values that are shown: of colours by stops, with clipped ones; of amounts over their range.
 
 import { element, write } from "../base/dom.js";
 import * as format from "../base/format.js";
@@ -23,7 +23,7 @@ export function histogram() {
     draw();
   }
 
-  // Of what is fetched where somebody looks: `fetchLayer()` resolves to [layer, stops], or null.
+  // Shows a layer that is fetched only when the histogram is open: `fetchLayer()` resolves to [layer, stops], or null.
   function later(fetchLayer) {
     wanted = fetchLayer;
     root.hidden = false;
@@ -98,7 +98,7 @@ function byRange(layer) {
   return { bins: [bins], words: `From ${format.error(low)} to ${format.error(high)}, half of it below ${format.error(at(0.5))}.${without ? ` ${format.percent(without / picked)} of the pixels have no value.` : ""}` };
 }
 
-// How many pixels are counted, and every how many of them.
+// Returns the number of pixels that are counted, and the step between them.
 function pickedOf({ width, height }) {
   const stride = Math.ceil((width * height) / PICKED);
   return [Math.ceil((width * height) / stride), stride];

@@ -1,4 +1,4 @@
-// What there is to look at in the parts of a picture's file: a layer is some channels of a part, with what they mean.
+// Layers of a picture's file: a layer is some channels of a part, with their meaning.
 //
 // A kind says how numbers are shown: color (scene-linear), error (of such), direction (unit vectors), vector, scalar, ids
 // (whole numbers that stand for names), mattes (Cryptomatte: pairs of an id and its coverage). Colours that are light are seen
@@ -7,8 +7,8 @@
 const PICTURE = "rgba"; // the part of the picture itself
 const LABELS = { denoised: "Denoised picture", samples: "Samples of a pixel" };
 
-// [{key, label, kind, part, channels, errors, names, meaning, ids, space, isLight}] of the parts of openExr(), in their order.
-// `channels` and `errors` are the part's channels of its values and of their standard errors.
+// Returns [{key, label, kind, part, channels, errors, names, meaning, ids, space, isLight}] for the parts of openExr(), in
+// their order. `channels` and `errors` are the part's channels of its values and of their standard errors.
 export function layersOf(parts) {
   return parts.flatMap((part, number) => {
     const label = part.name === PICTURE || part.name === "" ? "Picture" : (LABELS[part.name] ?? wordsOf(part.name));
@@ -62,7 +62,7 @@ function idsOf(text) {
   }
 }
 
-// Names by the bits of their ids, where the part is a Cryptomatte.
+// Returns names by the bits of their ids, if the part is a Cryptomatte.
 function manifestOf(strings) {
   const text = [...strings].find(([name]) => /^cryptomatte\/.*\/manifest$/.test(name))?.[1];
   if (text === undefined) return null;
@@ -73,14 +73,15 @@ function manifestOf(strings) {
   }
 }
 
-// [id, coverage, id, coverage, ...]: R and G, then B and A of each of its layers.
+// Returns [id, coverage, id, coverage, ...]: R and G, then B and A of each of its layers.
 function pairsOf(channels) {
   const found = channels.map(({ name }, at) => ({ name, at })).filter(({ name }) => /\d\d\.[RGBA]$/i.test(name));
   const place = ({ name }) => name.slice(0, -1) + "RGBA".indexOf(name.at(-1).toUpperCase());
   return found.sort((a, b) => (place(a) < place(b) ? -1 : 1)).map(({ at }) => at);
 }
 
-// A layer with its numbers: of `read` the planes that are its. A pixel of them is `step` pixels of the part a side.
+// Returns a layer with its planes, chosen from those of `read`. Each of their pixels covers `step` pixels of the part along
+// each side.
 export function filled(layer, read) {
   const { width, height, step } = read;
   const of = (channels) => channels.map((at) => read.planes[at]);

@@ -1,4 +1,4 @@
-// Draws a layer on a canvas by its kind, and says what its colours mean: {low, high, unit, map} for a legend, or null.
+// Draws a layer on a canvas by its kind, and returns the meaning of its colours: {low, high, unit, map} for a legend, or null.
 
 import * as format from "../base/format.js";
 import { encoded } from "../base/srgb.js";
@@ -9,10 +9,10 @@ const MID_GREY = 0.18;
 export const WEIGHTS = [0.2126, 0.7152, 0.0722]; // of luminance, Rec.709
 const MOST_DECADES = 4;
 const SHADES = Uint8ClampedArray.from({ length: 4097 }, (_, step) => encoded(step / 4096));
-const PICKED = 20000; // values that a range is judged by
+const PICKED = 20000; // values that a range is estimated from
 
-// `look`: {stops, channel, isFalse, view, beside}: `view` is serversView(), null for plain sRGB; ranges of amounts are those of
-// `beside`, another layer of the kind, as well.
+// `look` is {stops, channel, isFalse, view, beside}: `view` is serversView(), null for plain sRGB; ranges of amounts include
+// those of `beside`, another layer of the same kind.
 export function paint(canvas, layer, look) {
   const { width, height } = layer;
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -51,7 +51,7 @@ function color(data, layer, { stops, channel, isFalse, view }) {
   return null;
 }
 
-// As the server's PNG: colours without their coverage where that can be undone, one channel as a grey.
+// Draws as the server's PNG does: colours without their coverage if that can be divided out, one channel as grey.
 function throughView(data, layer, factor, channel, view) {
   const [r, g, b, a] = layer.planes;
   const one = channel === "rgb" ? null : single(layer.planes, channel);
@@ -65,7 +65,7 @@ function throughView(data, layer, factor, channel, view) {
   });
 }
 
-// Light where nothing covers has no colour without its coverage: such a picture is over black.
+// Light where the coverage is zero has no colour without it: such a picture is shown over black.
 const shinesUncovered = ([r, g, b, a]) => a.some((share, at) => !(share > 0) && (r[at] > 0 || g[at] > 0 || b[at] > 0));
 
 export const shade = (value) => (value >= 1 ? 255 : value > 0 ? SHADES[Math.round(4096 * value)] : 0);
@@ -78,7 +78,7 @@ function each(data, run) {
   for (let to = 0, at = 0; to < data.length; to += 4, at += 1) run(to, at);
 }
 
-// One number of a pixel: a channel, or their luminance.
+// Returns one number of a pixel: a channel, or the luminance.
 export function single(planes, channel) {
   const number = ["r", "g", "b", "a"].indexOf(channel);
   if (number >= 0) return planes[number] ? (at) => planes[number][at] : () => 1; // a picture without coverage is opaque
@@ -86,7 +86,7 @@ export function single(planes, channel) {
   return (at) => WEIGHTS[0] * r[at] + WEIGHTS[1] * g[at] + WEIGHTS[2] * b[at];
 }
 
-// Whole decades around all but the most extreme, so that the scale stays put: as the server's error views.
+// Spans whole decades around all but the most extreme values, so that the scale is stable, as in the server's error views.
 function error(data, layer, { channel, beside }) {
   const by = channel === "a" ? "luminance" : channel;
   const one = single(layer.planes, by);
@@ -155,7 +155,7 @@ function mattes(data, layer) {
 
 export const bitsOf = (plane) => new Uint32Array(plane.buffer, plane.byteOffset, plane.length);
 
-// The finite values but for the most extreme five hundredth of each end, of so many pixels over the picture, and over `beside`.
+// Returns finite values of at most PICKED pixels of the picture, and of `beside`, without the most extreme 1/500 at each end.
 function range(layer, beside, oneOf, isMeant = () => true) {
   const found = [];
   for (const { width, height, planes } of beside ? [layer, beside] : [layer]) {

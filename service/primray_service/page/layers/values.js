@@ -1,11 +1,11 @@
-// What a layer says of one pixel, in words.
+// Describes a layer's value at one pixel in words.
 
 import * as format from "../base/format.js";
 import { bitsOf } from "./paint.js";
 
-const MOST_MATTES = 4; // of a pixel, the largest
+const MOST_MATTES = 4; // of a pixel, the largest ones
 
-// {numbers, names}: of x, y in the whole picture's pixels.
+// Returns {numbers, names} at x, y in pixels of the whole picture.
 export function wordsAt(layer, x, y) {
   const at = indexAt(layer, x, y);
   if (layer.kind === "mattes") return { numbers: "", names: mattesAt(layer, at).map(([name, share]) => `${name} ${format.percentOf(share)}`) };
@@ -18,7 +18,7 @@ export function wordsAt(layer, x, y) {
   return { numbers: [...values, errorAt(layer, at)].filter(Boolean).join("  "), names: [] };
 }
 
-// The root of the mean square of the channels' standard errors.
+// Returns the root mean square of the channels' standard errors.
 function errorAt(layer, at) {
   if (layer.errors.length === 0) return "";
   const mean = Math.sqrt(layer.errors.reduce((sum, plane) => sum + plane[at] ** 2, 0) / layer.errors.length);
@@ -34,7 +34,7 @@ function mattesAt(layer, at) {
   return found.slice(0, MOST_MATTES);
 }
 
-// Of ids that the manifest has no room for, the number that mattes are picked by.
+// Returns the number that mattes are picked by, for ids that have no room in the manifest.
 const nameOf = (ids, bits) => ids.get(bits) ?? `#${bits.toString(16).padStart(8, "0")}`;
 
 export function indexAt(layer, x, y) {
@@ -43,5 +43,5 @@ export function indexAt(layer, x, y) {
   return row * layer.width + column;
 }
 
-// Paths of what a pixel shows, by a layer of ids or mattes.
+// Returns the paths of the prims at a pixel, by a layer of ids or mattes.
 export const namesAt = (layer, x, y) => wordsAt(layer, x, y).names;

@@ -1,5 +1,5 @@
-// One of the two pictures that are compared: its job, the picture or the part of its file that is looked at, and how it is shown:
-// the picture as the server's own PNG, whatever else is drawn here from its numbers.
+// One of the two pictures of a comparison: its job, and the picture or the part of its file that is shown. The picture is
+// shown as the server's own PNG, everything else is drawn here from its numbers.
 
 import { get, jobPath } from "../base/api.js";
 import { element, fill } from "../base/dom.js";
@@ -16,13 +16,13 @@ export function compareSide(id) {
   const canvas = element("canvas", {});
   const root = element("div", { class: "layer" });
   const parts = partsOf();
-  // `names`: what there is to look at; `layer`: what is looked at, null where this job does not have it.
+  // `names` lists what can be shown; `layer` is what is shown, null if this job does not have it.
   const self = { id, job: null, layer: null, names: [PICTURE], root, load, show, wordsOf, close };
   let [number, seen] = [0, ""];
   let [tag, image] = ["", null];
-  let [loads, showing] = [0, 0]; // count what was asked for: the newest counts
+  let [loads, showing] = [0, 0]; // counters of requests: only the newest counts
 
-  // Whether what it shows is another than before. `frame` counts from 1.
+  // Resolves to whether the content has changed. `frame` counts from 1.
   async function load(frame, name) {
     const mine = ++loads;
     self.job = await get(jobPath(id));
@@ -30,7 +30,7 @@ export function compareSide(id) {
     number = Math.min(frames?.total ?? 1, Math.max(1, frame)) - 1;
     if ((frames?.succeeded ?? 0) > 0) parts.know((await get(jobPath(id, "/outputs"))).items);
     const files = await parts.of(number);
-    // Of the first file's picture there is the preview already, which can be seen while it refines.
+    // The first file's picture is the preview, which is visible while it refines.
     const layers = files.flatMap((file, index) => file.layers.map((layer) => ({ ...layer, label: index > 0 ? `${file.name}: ${layer.label}` : layer.label })))
       .filter(({ label }) => label !== PICTURE);
     self.names = [PICTURE, ...layers.map(({ label }) => label)];
@@ -43,7 +43,8 @@ export function compareSide(id) {
     return seen !== before;
   }
 
-  // What its colours mean, for a legend; null where they mean light. Amounts have the same colours as those of `beside`.
+  // Resolves to the meaning of its colours for a legend, or null if they represent light. Amounts have the same colours as
+  // those of `beside`.
   async function show(look, stops, beside) {
     const mine = ++showing;
     if (!self.layer) {
@@ -70,8 +71,8 @@ export function compareSide(id) {
     return null;
   }
 
-  // Of its own pixels, the one at a place of a sheet of this size, in the middle of which it is shown in its own shape; null:
-  // beside it.
+  // Returns its own pixel at a point of a sheet of this size, in whose middle it is shown in its own aspect ratio; null
+  // outside of it.
   function pixelOf([x, y], [width, height]) {
     const { fullWidth, fullHeight } = self.layer;
     const scale = Math.min(width / fullWidth, height / fullHeight);

@@ -1,4 +1,4 @@
-// The line between two pictures on a stage: it lies on the stage, not on the sheet, so that it is one pixel wide at every zoom.
+// The line between two pictures on a stage. It is on the stage, not on the sheet, so that it is one pixel wide at every zoom.
 
 import { element } from "../base/dom.js";
 

@@ -1,4 +1,4 @@
-// What the colours of a view mean: of the server's error views from the answer's Preview-Scale, of layers as paint() says.
+// The meaning of a view's colours: of the server's error views by the Preview-Scale header, of layers by paint().
 
 import { element, fill } from "../base/dom.js";
 import * as format from "../base/format.js";
@@ -11,16 +11,16 @@ export function legend() {
     const found = Object.fromEntries((scale ?? "").split(";").map((part) => part.split("=")));
     const [low, high] = [Number(found.low), Number(found.high)];
     const unit = found.unit === "radiance" ? "standard error, in the picture’s units" : "standard error, relative to the pixel";
-    tell(low > 0 && high > low ? { low: format.error(low), high: format.error(high), unit: `${unit}; grey: not known yet` } : null);
+    showScale(low > 0 && high > low ? { low: format.error(low), high: format.error(high), unit: `${unit}; grey: not known yet` } : null);
   }
 
-  // {low, high, unit, map}; `map` is "" where colours are no scale.
-  function tell(scale) {
+  // The scale is {low, high, unit, map}; `map` is "" if the colours are no scale.
+  function showScale(scale) {
     root.hidden = !scale;
     if (!scale) return;
     const { low, high, unit, map = "viridis" } = scale;
     fill(root, low && element("span", {}, low), map && element("i", { class: map }), high && element("span", {}, map ? high : `to ${high}`), element("span", { class: "soft" }, unit));
   }
 
-  return { root, show, tell };
+  return { root, show, showScale };
 }

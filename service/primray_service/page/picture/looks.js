@@ -1,13 +1,13 @@
-// How colours are looked at, wherever pictures are shown: as the server's PNG, plainly, by stops.
+// Looks of colours, wherever pictures are shown: as the server's PNG, plainly, by stops.
 
 import { serversView } from "../layers/display.js";
 
 export const LOOKS = [["display", "As the PNG"], ["srgb", "Plain sRGB"], ["false", "False colour"]];
 export const KEY_STOPS = 0.5; // of exposure
-export const EXPOSE_AFTER_S = 0.06; // a slider that is dragged asks for the last place only
+export const EXPOSE_AFTER_S = 0.06; // a slider that is dragged causes a request for its last position only
 
-// What paint() wants to know of how a layer is looked at; the server's view is fetched when light is first seen through it.
-// `files`: settings of the job's files, whose exposure the PNG has too.
+// Resolves to the look that paint() needs for a layer; the server's view is fetched when it is first used. `files` are
+// settings of the job's files, whose exposure the PNG has too.
 export async function lookOf(look, layer, stops, channel = "rgb", files = {}) {
   const asPng = look === "display" && layer.kind === "color" && layer.isLight;
   const view = asPng ? await serversView(layer.space, files) : null;

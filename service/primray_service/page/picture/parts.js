@@ -1,4 +1,4 @@
-// The layers of a job's files, by frame: found when the job has files, read when somebody looks at one.
+// The layers of a job's files, by frame: listed when the job has files, read when one is shown.
 
 import { openExr, rangesOf } from "../exr/file.js";
 import { filled, layersOf } from "../layers/layer.js";
@@ -13,7 +13,8 @@ export function partsOf() {
     rows = outputs.filter(({ name }) => name.endsWith(".exr"));
   }
 
-  // {name, digest, layers} of each of a frame's EXRs: one, or one for each product that has a file of its own. Layers have `read()`.
+  // Resolves to {name, digest, layers} for each EXR of a frame: one, or one for each product with a file of its own. Layers
+  // have `read()`.
   async function of(frame) {
     const its = (number) => rows.filter((each) => each.frame === number);
     const here = its(frame).length > 0 ? its(frame) : its(null);
@@ -21,7 +22,7 @@ export function partsOf() {
     const before = files.get(frame);
     if (before?.digests === digests) return before.opened;
     const opened = Promise.all(here.map((row, index) => open(row, index, leaving.signal)));
-    files.clear(); // the planes of one frame are as much as a page should keep
+    files.clear(); // a page should hold the planes of one frame at most
     files.set(frame, { digests, opened });
     opened.catch(() => files.delete(frame));
     return opened;
@@ -32,7 +33,7 @@ export function partsOf() {
 
 async function open(row, index, signal) {
   const file = await openExr(rangesOf(row.urls.immutable, signal), row.bytes);
-  // Keys are the same for all frames of a sequence, so that a choice stays from frame to frame.
+  // Keys are the same for all frames of a sequence, so that a choice applies to the next frame too.
   const layers = layersOf(file.parts).map((layer) => ({
     ...layer,
     key: index > 0 ? `${index}/${layer.key}` : layer.key,

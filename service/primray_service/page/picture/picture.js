@@ -1,9 +1,9 @@
-// A preview as a decoded <img>: fetched, so that an answer that is no picture becomes a Failure that can be told.
+// Fetches a preview as a decoded <img>, so that an answer that is no picture becomes a Failure that can be shown.
 
 import { call, jobPath } from "../base/api.js";
 
-// {tag, scale, seen, image, size}; `seen` names the view that a picture is seen through; `image` is null where the server still has what `before` names; `size` is of the whole picture, of
-// which a large one's image has fewer pixels.
+// Resolves to {tag, scale, seen, image, size}. `seen` names the display view of the picture. `image` is null if the server's
+// picture is still that of the tag `before`. `size` is that of the whole picture; the image of a large one has fewer pixels.
 export async function fetchPicture(job, query, before) {
   const source = new URLSearchParams(Object.entries(query).filter(([, value]) => value !== null)).toString();
   const response = await call("GET", jobPath(job, `/preview?${source}`), { accept: "image/png,image/jpeg,*/*" });

@@ -1,5 +1,5 @@
-// The values of the pixel under the pointer: as the renderer has them (from the half-float preview, or the part that is shown),
-// as they are on the screen, and the prim that is there, where the job's file can tell.
+// Shows the values of the pixel under the pointer: the renderer's (from the half-float preview, or the part that is shown),
+// those on the screen, and the prim there, if the job's file has ids.
 
 import { element, fill, write } from "../base/dom.js";
 import { namesAt, wordsAt } from "../layers/values.js";
@@ -7,7 +7,7 @@ import { rawOf } from "./raw_image.js";
 
 const RAW_AGE_S = 2; // of values while the picture refines
 
-// `shown()`: {frame, layer, image, size, isLive}; `layerOfIds(frame)` resolves to a layer of prims, or null.
+// `shown()` returns {frame, layer, image, size, isLive}; `layerOfIds(frame)` resolves to a layer of prims, or null.
 export function pixelValues(job, shown, layerOfIds) {
   const root = element("output", { class: "values", "aria-label": "Values of the pixel under the cursor" });
   let raw = null; // {frame, whileLive, at, layer, pending}
@@ -15,7 +15,7 @@ export function pixelValues(job, shown, layerOfIds) {
   let pixel = null;
   const reader = element("canvas", { width: 1, height: 1 }).getContext("2d", { willReadFrequently: true });
 
-  function tell(at) {
+  function showAt(at) {
     pixel = at;
     const now = shown();
     if (!at || (!now.image && !now.layer)) {
@@ -53,24 +53,24 @@ export function pixelValues(job, shown, layerOfIds) {
       if (!failure.problem) write(root, failure.message);
     }
     mine.pending = false;
-    if (raw === mine && pixel) tell(pixel);
+    if (raw === mine && pixel) showAt(pixel);
   }
 
-  // Paths of the prims at a pixel; the part that tells is fetched when it is first asked.
+  // Returns the paths of the prims at a pixel; the part with their ids is fetched on the first call.
   function prims(at, { frame }) {
     if (ids?.frame !== frame) {
       const mine = { frame, layer: null };
       ids = mine;
       layerOfIds(frame).then((layer) => {
         mine.layer = layer;
-        if (layer && ids === mine && pixel) tell(pixel);
+        if (layer && ids === mine && pixel) showAt(pixel);
       }, () => {});
     }
     const { layer } = ids;
     return layer ? namesAt(layer, ...at) : [];
   }
 
-  // The 8-bit values that are seen there.
+  // Returns the 8-bit values on the screen.
   function screenAt(at, { image, size }) {
     if (!image) return "";
     const [width, height] = [image.naturalWidth ?? image.width, image.naturalHeight ?? image.height];
@@ -81,14 +81,14 @@ export function pixelValues(job, shown, layerOfIds) {
 
   return {
     root,
-    tell,
-    // Something else is known of the frames' files.
+    showAt,
+    // The frames' files have changed.
     forget: () => (ids = null),
-    again: () => pixel && tell(pixel),
+    again: () => pixel && showAt(pixel),
   };
 }
 
-// Where a layer has fewer pixels than the picture.
+// Pixels of a layer that has fewer than the picture.
 export function coarse(layer) {
   if (!layer || layer.step === 1) return null;
   return element("span", {}, layer.isMean ? `mean of ${layer.step}² pixels` : `one of ${layer.step}² pixels`);

@@ -1,13 +1,13 @@
-// Frames of a sequence, played over the picture at the stage's rate: each is fetched once, at a size that a page can keep.
+// Plays the frames of a sequence over the picture, at the stage's rate: each is fetched once, at a size that a page can hold.
 
 import { button, element, say, write } from "../base/dom.js";
 import { drop, fetchPicture } from "./picture.js";
 
 const MOST_FRAMES = 600;
-const WIDTH = 960; // a frame's, at most
+const WIDTH = 960; // of a frame, at most
 const AT_ONCE = 4; // requests
 
-// `onFrame(number)`: the frame that is seen once it is stopped; `query()`: what the picture is looked at by.
+// `onFrame(number)` is called with the visible frame when it is stopped; `query()` returns the settings of the view.
 export function player(job, sheet, { query, onFrame }) {
   const layer = element("div", { class: "layer playing", hidden: true });
   const play = button("Play", () => (isOn ? stop() : start()), { "aria-pressed": "false", hidden: true });
@@ -19,7 +19,7 @@ export function player(job, sheet, { query, onFrame }) {
   let [isOn, closed, request, run] = [false, false, 0, 0];
   sheet.append(layer);
 
-  // The finished frames, and how many are seen in a second.
+  // Sets the finished frames, and their number in a second.
   function know(numbers, rate) {
     frames = numbers.slice(0, MOST_FRAMES);
     fps = rate > 0 ? rate : 24;

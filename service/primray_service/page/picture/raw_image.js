@@ -1,4 +1,4 @@
-// A picture as the renderer has it, scene-linear halfs, as a layer to be drawn and measured.
+// A picture's own values, scene-linear half floats, as a layer that can be drawn and measured.
 
 import { call, jobPath } from "../base/api.js";
 import { HALF } from "../base/half.js";
@@ -9,14 +9,15 @@ const [VALUES, ERRORS] = [["R", "G", "B", "A"], ["stderr.R", "stderr.G", "stderr
 
 export class BadPreview extends Error {}
 
-// Of a job's frame, as it is now; null: the one that runs.
+// Resolves to the current picture of a job's frame; null is the running frame.
 export async function rawOf(job, frame) {
   const which = frame === null ? "" : `&frame=${frame}`;
   const response = await call("GET", jobPath(job, `/preview?format=raw${which}`), { accept: "*/*" });
   return { tag: response.headers.get("etag"), ...decodeRaw(await response.arrayBuffer()) };
 }
 
-// The file of worker/preview.py: magic, version, size, size of the picture, passes, samples; names; planes of halfs.
+// Decodes the file of worker/preview.py: magic, version, size, size of the picture, passes, samples; names; planes of half
+// floats.
 export function decodeRaw(buffer) {
   const bytes = new Uint8Array(buffer);
   const view = new DataView(buffer);
@@ -32,7 +33,7 @@ export function decodeRaw(buffer) {
   });
   const count = width * height;
   if (bytes.length !== at + 2 * count * names.length) throw new BadPreview("The raw preview ended early.");
-  const halfs = new Uint16Array(buffer.slice(at)); // where the names end may be odd; every platform of browsers is little-endian
+  const halfs = new Uint16Array(buffer.slice(at)); // copied because the names may end at an odd offset; every platform of browsers is little-endian
   const plane = (name) => Float32Array.from(halfs.subarray(names.indexOf(name) * count, (names.indexOf(name) + 1) * count), (bits) => HALF[bits]);
   return {
     kind: "color", key: "raw", label: "Picture", names: VALUES, meaning: "", space: "lin_rec709_scene", isLight: true, ids: null,

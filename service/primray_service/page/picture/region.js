@@ -1,11 +1,12 @@
-// A part of the picture, marked on a stage: by dragging a rectangle over it, or by fields in per cent for those who do not drag.
+// A region of the picture, marked on a stage: by dragging a rectangle over it, or with fields in per cent.
 
 import { button, element, write } from "../base/dom.js";
 
 const SIDES = ["Left", "Top", "Right", "Bottom"];
 const LEAST = 4; // pixels a side
 
-// `onRender(region)`: left, bottom, right, top in 0 to 1 of the whole frame, from below as dataWindowNDC counts.
+// `onRender(region)` is called with left, bottom, right, top from 0 to 1 of the whole frame, from the bottom, as in
+// dataWindowNDC.
 export function region(board, onRender) {
   const frame = element("div", { class: "region", hidden: true });
   const toggle = button("Region…", () => (toggle.getAttribute("aria-expanded") === "true" ? end() : begin()), { "aria-expanded": "false" });
@@ -42,8 +43,8 @@ export function region(board, onRender) {
   }
 
   function typed() {
-    const asked = fields.map((input) => Math.min(100, Math.max(0, Number(input.value))) / 100);
-    if (asked.every(Number.isFinite)) box = asked;
+    const typed = fields.map((input) => Math.min(100, Math.max(0, Number(input.value))) / 100);
+    if (typed.every(Number.isFinite)) box = typed;
     show();
   }
 
@@ -52,7 +53,7 @@ export function region(board, onRender) {
     return [(event.clientX - sheet.left) / sheet.width, (event.clientY - sheet.top) / sheet.height].map((at) => Math.min(1, Math.max(0, at)));
   };
 
-  // Before the stage, whose drags move the picture.
+  // Handles the event before the stage, whose drags move the picture.
   board.root.addEventListener("pointerdown", (event) => {
     if (panel.hidden || event.button !== 0) return;
     event.stopImmediatePropagation();
@@ -72,7 +73,7 @@ export function region(board, onRender) {
   return {
     toggle,
     panel,
-    // Of the whole picture, in pixels.
+    // Sets the size of the whole picture, in pixels.
     size: (width, height) => {
       size = [width, height];
       show();

@@ -1,15 +1,15 @@
-// A job's picture as the server shows it: the next preview is fetched and decoded behind the one that is seen, then they swap.
+// A job's picture as rendered by the server: the next preview is fetched and decoded behind the visible one, then they swap.
 
 import { drop, fetchPicture } from "./picture.js";
 
-const AGAIN_S = 0.15; // after there was no picture where one was expected
-const ASK_S = 4; // a worker writes pictures only while somebody asks; it forgets after 10 s
+const AGAIN_S = 0.15; // after a picture was expected and not there yet
+const ASK_S = 4; // a worker writes pictures only while they are requested: for 10 s after each request
 
-// `onImage(image, before, size)`: the next <img>, the one that it takes the place of, the whole picture's size; `onScale` and
-// `onTrouble` tell the rest.
+// `onImage(image, before, size)` is called with the next <img>, the one that it replaces, and the whole picture's size;
+// `onScale`, `onTrouble` and `onSeen` with the scale of its colours, what is wrong (or ""), and its display view.
 export function served(job, { onImage, onScale, onTrouble, onSeen = () => {} }) {
   let state = {};
-  let front = null; // the <img> that is seen
+  let front = null; // the visible <img>
   let [isThere, isLive, isWanted, isLoading, isPaused, closed] = [false, true, false, false, false, false];
   let [tag, shownAs, timer] = ["", "", 0];
 
@@ -49,7 +49,7 @@ export function served(job, { onImage, onScale, onTrouble, onSeen = () => {} }) 
     else if (isLive) timer = setTimeout(() => (document.hidden ? (isWanted = true) : ask()), 1000 * pause);
   }
 
-  // A page that is not looked at does not ask; it does at once when it is.
+  // A page in the background sends no requests; it sends one as soon as it is visible.
   const seen = () => !document.hidden && isWanted && ask();
   document.addEventListener("visibilitychange", seen);
 
@@ -64,7 +64,7 @@ export function served(job, { onImage, onScale, onTrouble, onSeen = () => {} }) 
     drop(before);
   }
 
-  // There is a picture now, or a newer one.
+  // A first or newer picture is available.
   function refresh() {
     isThere = true;
     ask();
@@ -73,12 +73,12 @@ export function served(job, { onImage, onScale, onTrouble, onSeen = () => {} }) 
   return {
     set,
     refresh,
-    // While something else is shown in its place.
+    // Pauses while something else is shown in its place.
     pause: (now) => {
       if (now === isPaused) return;
       isPaused = now;
       if (!now) {
-        tag = ""; // so that its scale is told again
+        tag = ""; // so that its scale is reported again
         ask();
       }
     },

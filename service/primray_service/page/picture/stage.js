@@ -1,14 +1,14 @@
-// A picture that can be zoomed and moved: by wheel, drag, pinch, buttons and keys. It knows sizes and pixels, not what is
-// shown. Its sheet has the picture's size in CSS pixels and is put into place by a transform.
+// A stage on which a picture can be zoomed and moved by wheel, drag, pinch, buttons and keys. It knows sizes and pixels, not
+// the content. Its sheet has the picture's size in CSS pixels and is positioned by a transform.
 
 import { button, element, say, write } from "../base/dom.js";
 
 const MOST_ZOOM = 64;
 const STEP = 1.25;
-const SCROLLING_MS = 400; // a page that is scrolled by the wheel goes on scrolling where the picture comes under the pointer
+const SCROLLING_MS = 400; // a page that is being scrolled by the wheel keeps scrolling when the picture comes under the pointer
 const KEYS = "plus and minus zoom, 0 fits, 1 shows pixel for pixel, arrows move, Shift with arrows picks a pixel";
 
-// `keys`: {words, press}: what else keys mean; `press(key)` answers whether it is one of them.
+// `keys` is {words, press}: a description of other keys, and `press(key)`, which returns whether it handled the key.
 export function stage(label, { onPixel = () => {}, keys = { words: "", press: () => false } } = {}) {
   const mark = element("div", { class: "mark", hidden: true });
   const sheet = element("div", { class: "sheet" }, mark);
@@ -16,8 +16,8 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
   const zoomText = element("output", { class: "zoom-text" });
   let [width, height] = [0, 0];
   let [scale, left, top] = [1, 0, 0];
-  let [fitted, filling] = [true, false]; // whether it is placed by itself; whether small pictures are shown larger then
-  let picked = null; // a pixel chosen by keys
+  let [fitted, filling] = [true, false]; // whether it is positioned automatically; whether small pictures are enlarged then
+  let picked = null; // the pixel chosen by keys
   const pointers = new Map();
 
   function size(w, h) {
@@ -32,13 +32,13 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
     fit(filling);
   }
 
-  // At first no picture is shown larger than it is.
+  // At first no picture is enlarged.
   function fit(fills) {
     [fitted, filling] = [true, fills];
     if (!width || !root.clientWidth) return;
     scale = Math.min(root.clientWidth / width, root.clientHeight / height);
     if (!fills) scale = Math.min(1, scale);
-    // A small picture is shown larger in whole steps, so that its pixels stay square.
+    // A small picture is enlarged by a whole number, so that its pixels stay square.
     else if (scale > 2) scale = Math.floor(scale);
     left = (root.clientWidth - width * scale) / 2;
     top = (root.clientHeight - height * scale) / 2;
@@ -53,7 +53,7 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
     write(zoomText, width ? `${Math.round(100 * scale)} %` : "");
   }
 
-  // Keep the point (x, y) of the stage where it is.
+  // Keeps the point (x, y) of the stage in place.
   function zoom(factor, x = root.clientWidth / 2, y = root.clientHeight / 2) {
     if (!width) return;
     const least = Math.min(1, root.clientWidth / width, root.clientHeight / height) / 2;

@@ -1,5 +1,5 @@
-// A job's picture: as it refines (the server's previews), and once it has a file each of its parts (drawn here from its own
-// numbers). With values under the pointer, exposure, channels, false colours and a histogram.
+// Viewer of a job's picture: while it refines (the server's previews), and, once it has a file, of each of its parts (drawn
+// here from their numbers). It has values under the pointer, exposure, channels, false colours and a histogram.
 
 import { choice, button, element, field, fill, write } from "../base/dom.js";
 import { histogram } from "../layers/histogram.js";
@@ -17,21 +17,21 @@ import { stage } from "./stage.js";
 const VIEWS = [["beauty", "Picture"], ["error", "Error"], ["relative-error", "Error, relative"]];
 const CHANNELS = [["rgb", "Colour"], ["r", "Red"], ["g", "Green"], ["b", "Blue"], ["a", "Alpha"], ["luminance", "Luminance"]];
 const PART = "part:";
-const MOST_PREVIEWED = 2 ** 20; // pixels that a preview has each of
+const MOST_PREVIEWED = 2 ** 20; // pixels that a preview has at full resolution
 
 export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed = () => {} } = {}) {
   const waiting = element("span", {}, "Waiting for the first picture");
   const pulse = element("span", { class: "pulse" });
   const wait = element("p", { class: "wait" }, pulse, waiting);
   const keys = { words: "E and Shift E expose, V shows the next view", press: onKey };
-  const board = stage("The picture", { onPixel: (at) => values.tell(at), keys });
+  const board = stage("The picture", { onPixel: (at) => values.showAt(at), keys });
   const canvas = element("canvas", { hidden: true });
   board.root.append(wait);
   board.sheet.prepend(canvas);
   const state = { frame: null, view: "beauty", channel: "rgb", exposure: 0, look: "display" };
   const parts = partsOf();
-  let found = []; // the files of the frame that is shown, with their parts
-  let [layer, front] = [null, null]; // what is drawn here, if anything is; the server's <img>
+  let found = []; // the files of the shown frame, with their parts
+  let [layer, front] = [null, null]; // the layer that is drawn here, if any; the server's <img>
   let fileSettings = {}; // of the job: view, display, look, exposure
   let frontSize = [1, 1]; // of the whole picture
   let [isLive, closed, exposeTimer, drawing] = [true, false, 0, 0];
@@ -76,7 +76,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
     exposeTimer = setTimeout(() => change({ exposure: value }), 1000 * EXPOSE_AFTER_S);
   }
 
-  // "E" brighter, "Shift E" darker, as in other viewers of pictures; whether the key means something.
+  // "E" is brighter, "Shift E" darker, as in other viewers of pictures. Returns whether it handled the key.
   function onKey(key) {
     if (key === "e" || key === "E") {
       exposure.value = String(Number(exposure.value) + (key === "e" ? KEY_STOPS : -KEY_STOPS));
@@ -109,7 +109,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
 
   const drawsHere = () => isPart() || (state.view === "beauty" && state.look !== "display");
 
-  // One drawing at a time counts: the newest.
+  // Only the newest drawing counts.
   async function draw() {
     const mine = ++drawing;
     if (!drawsHere()) {
@@ -132,7 +132,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
       layer = next;
       write(note, "");
       write(meaning, isPart() ? aboutOf(next, seen, state.look) : "");
-      colors.tell(paint(canvas, next, seen));
+      colors.showScale(paint(canvas, next, seen));
       counts.show(next, state.exposure);
       canvas.hidden = false;
       if (front) front.hidden = true;
@@ -147,11 +147,11 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   async function layerNow() {
     if (!isPart()) return rawOf(job, state.frame);
     found = await parts.of(state.frame);
-    values.forget(); // another file may have another picture's prims
+    values.forget(); // another file may have other prims
     return (await chosen()?.read()) ?? null;
   }
 
-  // The histogram of what the server shows is of the numbers behind it, fetched where somebody looks at it.
+  // The histogram of the server's picture is of the values behind it, which are fetched when it is open.
   async function countPreview(mine) {
     counts.show(null);
     if (state.view !== "beauty" || !front) return;
@@ -184,7 +184,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
     root.dataset.pictures = String(Number(root.dataset.pictures ?? 0) + 1);
   }
 
-  // The parts that there are to choose from now.
+  // Lists the parts that can be chosen now.
   async function offer() {
     const frame = state.frame;
     const now = await parts.of(frame).catch((failure) => {
@@ -194,7 +194,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
     if (closed || frame !== state.frame) return;
     found = now;
     const before = view.value;
-    const shown = now[0]?.layers.find(({ part }) => part.name === "denoised"); // previews of what has ended show it
+    const shown = now[0]?.layers.find(({ part }) => part.name === "denoised"); // previews of ended frames show it
     const isTwice = ({ kind, part }) => shown && kind === shown.kind && part === shown.part && part.width * part.height <= MOST_PREVIEWED;
     const views = VIEWS.map(([value, text]) => [value, shown && value === "beauty" && !isLive ? shown.label : text]);
     fill(
@@ -212,7 +212,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   return {
     root,
     refresh: () => pictures.refresh(),
-    // Whether a part of the job's picture can be rendered by itself: only of what is whole.
+    // Sets whether a region can be rendered by itself: only of a whole picture.
     regions: (width, height) => {
       mark.toggle.hidden = !width;
       if (width) mark.size(width, height);
@@ -223,11 +223,11 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
       change({ frame: number });
       offer();
     },
-    // The job's settings, by which its files are seen.
+    // Sets the job's settings that its files are displayed with.
     settings: (now) => (fileSettings = now ?? {}),
-    // Frames that have ended, to be played at the stage's rate.
+    // Sets the ended frames, which are played at the stage's rate.
     sequence: playing.know,
-    // What the job has made, as listed.
+    // Sets the job's outputs, as listed.
     files: (outputs) => {
       parts.know(outputs);
       offer();

@@ -1,16 +1,17 @@
-// What was dropped or chosen, as one file to upload: a scene or package as it is, several files or a folder packed into a zip.
+// Makes one file to upload of what was dropped or chosen: a scene or package as it is, several files or a folder packed into a
+// zip.
 
 import { stored } from "./zip.js";
 
 const SCENE = /\.(usd|usda|usdc|usdz|zip)$/i;
 const PICTURE = /\.(usd|usda|usdc|usdz)$/i;
-// Formats that the server knows how to convert, and says it of: a file's name and first bytes are all that it needs for that.
+// The server recognises these formats by name and first bytes, and says how to convert them.
 const OTHER = /\.(glb|gltf|fbx|obj|stl|ply|abc|blend|ma|mb|max|c4d|hip|hiplc|hipnc|vdb)$/i;
 const HEAD_BYTES = 256;
-// Files that desktops leave in folders.
+// Desktops leave these files in folders.
 const LITTER = /(^|\/)(\.DS_Store|Thumbs\.db|desktop\.ini|\._[^/]*|__MACOSX\/.*|\.git\/.*)$/;
 
-// [{path, file}] of a drop; must be called while the drop event is handled.
+// Resolves to [{path, file}] of a drop; must be called while the drop event is handled.
 export async function filesOfDrop(transfer) {
   const entries = [...transfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
   if (entries.length === 0) return filesOfInput(transfer.files);
@@ -32,31 +33,31 @@ async function collect(entry, above, found) {
   const reader = entry.createReader();
   for (;;) {
     const batch = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
-    if (batch.length === 0) return; // it gives at most 100 at a time, and none at the end
+    if (batch.length === 0) return; // each call returns at most 100, and none at the end
     for (const inner of batch) await collect(inner, `${path}/`, found);
   }
 }
 
-// {name, blob, notes}; throws an Error with a sentence where nothing could be rendered.
+// Returns {name, blob, notes}; throws an Error with a sentence if there is nothing that can be rendered.
 export async function packed(files, onProgress, signal) {
   const litter = files.filter(({ path }) => LITTER.test(path));
-  const kept = files.filter(({ path }) => !LITTER.test(path));
+  const usable = files.filter(({ path }) => !LITTER.test(path));
   const notes = litter.length ? [`Left out: ${litter.map(({ path }) => path).join(", ")}`] : [];
-  if (kept.length === 0) throw new Error("There is no file in what was dropped.");
-  if (kept.length === 1 && SCENE.test(kept[0].file.name)) return { name: kept[0].file.name, blob: kept[0].file, notes };
-  if (!kept.some(({ path }) => PICTURE.test(path))) {
-    const other = kept.find(({ path }) => OTHER.test(path));
+  if (usable.length === 0) throw new Error("There is no file in what was dropped.");
+  if (usable.length === 1 && SCENE.test(usable[0].file.name)) return { name: usable[0].file.name, blob: usable[0].file, notes };
+  if (!usable.some(({ path }) => PICTURE.test(path))) {
+    const other = usable.find(({ path }) => OTHER.test(path));
     if (other) return { name: other.file.name, blob: other.file.slice(0, HEAD_BYTES), notes };
     throw new Error("None of these files is a USD layer (.usd, .usda, .usdc or .usdz).");
   }
-  const { entries, folder } = rooted(kept);
-  // In the same order every time: the same files are the same scene.
+  const { entries, folder } = rooted(usable);
+  // The order is always the same, so that equal files are the same scene.
   entries.sort((a, b) => (a.path < b.path ? -1 : a.path > b.path ? 1 : 0));
   const blob = await stored(entries, onProgress, signal);
   return { name: `${folder || entries.find(({ path }) => PICTURE.test(path)).path.replace(/\.\w+$/, "")}.zip`, blob, notes };
 }
 
-// Paths below the one folder that holds everything.
+// Returns the paths below the one folder that contains everything.
 function rooted(files) {
   const folder = files[0].path.split("/")[0];
   const inside = files.every(({ path }) => path.startsWith(`${folder}/`));

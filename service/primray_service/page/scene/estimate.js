@@ -1,5 +1,6 @@
-// How long a render takes to an error: from what earlier jobs of the same scene and camera measured, or a small pilot that is
-// rendered for it and deleted. Samples take time in proportion to pixels; an error falls with a power of their number.
+// Estimates the time that a render takes to reach an error: from measurements of earlier jobs of the same scene and camera, or
+// from a small pilot, which is rendered for it and deleted. Sampling time is proportional to the number of pixels; the error
+// falls with a power of the number of samples.
 
 import { call, get, jobPath, send } from "../base/api.js";
 import { button, element, write } from "../base/dom.js";
@@ -7,27 +8,28 @@ import * as format from "../base/format.js";
 
 const PILOT = { side: 240, seconds: 3, wait: 20 };
 const LOOKED_AT = 5; // earlier jobs
-const [LEAST_POWER, MOST_POWER] = [1, 1.5]; // of relMSE: 1 by chance alone, more where samples are stratified or go where they count
-const WIDE = 1.6; // between its ends an interval is told as one
+const [LEAST_POWER, MOST_POWER] = [1, 1.5]; // of relMSE: 1 for independent samples, more if they are stratified or adaptive
+const WIDE = 1.6; // a narrower interval is shown as one value
 
-// `asked()`: {job, targets, pixels}: the request, errors and pixels as the form has them; `tell(times)`: seconds or null, of each target.
-export function estimate(asked, tell) {
+// `request()` returns {job, targets, pixels}: the job, target errors and pixels of the form; `show(times)` is called with
+// {low, high} in seconds, or null, for each target.
+export function estimate(request, show) {
   const words = element("span", { class: "note", role: "status" });
   const go = button("Estimate the times", () => pilot(), { class: "quiet" });
   const root = element("p", { class: "estimate" }, go, words);
   let known = null; // {key, each, start, samples, ci95, pixels, power}
-  let saidOf = null; // the key that the words are of
+  let saidOf = null; // the key of the measurements that the words describe
   let [running, closed] = [null, false];
 
-  // What a measured course says of others: camera, variants and so on must be the same.
+  // Measurements apply to renders with the same camera, variants and so on.
   const keyOf = ({ settings, scene }) => JSON.stringify([scene, settings.camera, settings.variants ?? [], settings.purposes ?? null, settings.max_depth ?? null, settings.clamp_indirect ?? null, settings.caustics ?? true, settings.frames ?? null]);
 
   function update() {
-    const { job, targets, pixels } = asked();
+    const { job, targets, pixels } = request();
     const key = keyOf(job);
     const isSame = known?.key === key;
     go.hidden = isSame || running !== null;
-    tell(targets.map((target) => (isSame && target > 0 && pixels > 0 ? timeTo(target, pixels) : null)));
+    show(targets.map((target) => (isSame && target > 0 && pixels > 0 ? timeTo(target, pixels) : null)));
     if (saidOf !== key && !running) say("", key);
   }
 
@@ -36,20 +38,20 @@ export function estimate(asked, tell) {
     write(words, text);
   }
 
-  // Seconds, {low, high}, of as many pixels.
+  // Returns seconds, {low, high}, for this number of pixels.
   function timeTo(target, pixels) {
     const of = (error) => (known.start + known.each * known.samples * (error / target) ** (1 / known.power)) * (pixels / known.pixels);
     return { low: of(known.ci95[0]), high: of(known.ci95[1]) };
   }
 
   async function history() {
-    const { job } = asked();
+    const { job } = request();
     try {
       const { items } = await get(`/v1/jobs?state=succeeded&limit=${LOOKED_AT}&scene=${encodeURIComponent(job.scene.id)}`);
       const found = items.find((each) => keyOf({ scene: job.scene, settings: each.settings }) === keyOf(job) && !each.parallel);
       if (found && !known && !closed) await learn(found, keyOf(job), "from an earlier render of it");
     } catch (failure) {
-      if (!failure.problem) throw failure; // without a history, the pilot is offered
+      if (!failure.problem) throw failure; // without earlier jobs, the pilot is offered
     }
   }
 
@@ -63,7 +65,7 @@ export function estimate(asked, tell) {
     const [width, height] = job.effective_settings?.resolution ?? job.settings.resolution;
     known = {
       key, each,
-      start: Math.max(0, first.t_s - each * first.samples), // what came before: pilots, photons
+      start: Math.max(0, first.t_s - each * first.samples), // time before sampling: pilots, photons
       samples: last.samples,
       ci95: last.ci95 ?? [last.relmse, last.relmse],
       pixels: width * height,
@@ -75,7 +77,7 @@ export function estimate(asked, tell) {
   }
 
   async function pilot() {
-    const { job } = asked();
+    const { job } = request();
     const key = keyOf(job);
     const [width, height] = job.settings.resolution;
     const scale = Math.min(1, PILOT.side / Math.max(width, height));
@@ -91,7 +93,7 @@ export function estimate(asked, tell) {
       if (closed) return;
       if (ended.error) say(ended.error.detail, key);
       else if (ended.state !== "succeeded") say("There is no estimate: the server is busy with other jobs.", key);
-      else if (!(await learn(ended, key, "from a small picture"))) say(`There is no estimate: a small picture came to no error in ${PILOT.seconds} s.`, key);
+      else if (!(await learn(ended, key, "from a small picture"))) say(`There is no estimate: the small picture had no error after ${PILOT.seconds} s.`, key);
     } catch (failure) {
       if (!failure.problem) throw failure;
       say(failure.problem.detail, key);
@@ -101,7 +103,7 @@ export function estimate(asked, tell) {
     }
   }
 
-  // What was made for this alone goes again.
+  // Deletes the pilot.
   function stop() {
     const id = running;
     running = null;
@@ -119,14 +121,14 @@ export function estimate(asked, tell) {
   };
 }
 
-// "about 12 s", "10 s to 2 min"
+// Returns "about 12 s" or "10 s to 2 min".
 export function timeWords(found) {
   if (!found) return "";
   const [low, high] = [found.low, found.high].map((seconds) => format.duration(rounded(Math.max(0.1, seconds))));
   return found.high > WIDE * found.low && low !== high ? `${low} to ${high}` : `about ${format.duration(rounded(Math.max(0.1, Math.sqrt(found.low * found.high))))}`;
 }
 
-// To what an estimate is worth: two digits, whole minutes.
+// Rounds to the precision of an estimate: two digits, whole minutes.
 function rounded(seconds) {
   if (seconds >= 120) return 60 * Math.round(seconds / 60);
   const unit = 10 ** (Math.floor(Math.log10(seconds)) - 1);

@@ -1,4 +1,4 @@
-// Scenes of the project's own to begin with: files beside the page, sent as if they had been dropped.
+// The project's example scenes: files beside the page, sent as if they had been dropped.
 
 import { call } from "../base/api.js";
 import { element } from "../base/dom.js";
@@ -9,7 +9,7 @@ const EXAMPLES = [
   ["forest", "A forest", "Sixty instances of a tree and a stone"],
 ];
 
-// `onChosen(files)` as of a drop; `onFailure(failure)`.
+// `onChosen(files)` is called as after a drop; `onFailure(failure)` if the files cannot be fetched.
 export function examples(onChosen, onFailure) {
   const card = ([name, title, words]) =>
     element(

@@ -1,4 +1,4 @@
-// What the check of a scene found, in the form that the settings are offered in.
+// What the check of a scene found, in the form that the settings need.
 
 const MOST_VARIANTS = 24; // sets that are offered; a scene may have thousands
 
@@ -20,7 +20,7 @@ export function factsOf(scene) {
 
 const USUAL = /^(scene|main|root|shot|stage|asset|index)\b/i;
 
-// Of several layers that could be the root: the one called as the package is, or as roots usually are, or the only text.
+// Chooses a root among several layers: the one named like the package, or a usual name of roots, or the only layer in text.
 function likeliest(entries, name) {
   const stem = (path) => path.split("/").at(-1).replace(/\.\w+$/, "").toLowerCase();
   const texts = entries.filter((path) => path.endsWith(".usda"));

@@ -1,4 +1,4 @@
-// The settings of a render, offered from what the scene's check found; sends the job.
+// The form with a render's settings, as the scene's check found them; it submits the job.
 
 import { send, token } from "../base/api.js";
 import { diagnostics } from "../base/diagnostics.js";
@@ -14,18 +14,18 @@ const SCALES = [["1", "full"], ["0.5", "half"], ["0.25", "quarter"]];
 
 const number = (attributes) => element("input", { type: "number", inputmode: "decimal", ...attributes });
 
-// `server`: what /v1/capabilities says; `before`: a job of the scene whose settings the form begins with.
+// `server` is the answer of /v1/capabilities; `before` is a job of the scene whose settings the form begins with.
 export function sceneForm(scene, server, before = null) {
   const facts = factsOf(scene);
   const was = before?.settings ?? {};
   const limits = server.limits ?? {};
   const outputs = outputsChoice(facts, server.aovs ?? [], before && was);
-  const times = new Map(); // by quality: where its time is told
+  const times = new Map(); // by quality: the element that shows its time
   const name = element("input", { type: "text", maxlength: "200", value: before?.name ?? scene.name ?? "", autocomplete: "off" });
   const entry = facts.entries.length > 1 ? choice(facts.entries.map((name) => [name, name]), before?.scene.entry ?? facts.entry) : null;
-  const asked = was.camera && facts.cameras.find(({ path }) => path === was.camera || path.split("/").at(-1) === was.camera);
-  const camera = facts.cameras.length > 0 ? choice(facts.cameras.map(({ path }) => [path, path]), asked?.path ?? facts.camera) : element("input", { type: "text", spellcheck: "false", value: was.camera ?? "" });
-  const lost = was.camera && !asked && facts.cameras.length > 0 && `${was.camera} was asked for, which the stage does not have`;
+  const sameCamera = was.camera && facts.cameras.find(({ path }) => path === was.camera || path.split("/").at(-1) === was.camera);
+  const camera = facts.cameras.length > 0 ? choice(facts.cameras.map(({ path }) => [path, path]), sameCamera?.path ?? facts.camera) : element("input", { type: "text", spellcheck: "false", value: was.camera ?? "" });
+  const lost = was.camera && !sameCamera && facts.cameras.length > 0 && `${was.camera} was requested, but the stage does not have it`;
   const width = number({ min: "1", max: String(limits.image_side ?? 32768), step: "1", required: true });
   const height = number({ min: "1", max: String(limits.image_side ?? 32768), step: "1", required: true });
   const keep = element("input", { type: "checkbox", checked: true });
@@ -60,16 +60,16 @@ export function sceneForm(scene, server, before = null) {
     element(
       "div",
       { class: "columns" },
-      field("Name", name, "a label, to find it by"),
+      field("Name", name, "for the job list"),
       entry && field("Root layer", entry),
-      facts.cameras.length > 1 || (before && facts.cameras.length === 0) ? field("Camera", camera, lost) : element("div", { class: "field" }, element("span", { class: "name" }, "Camera"), element("span", {}, facts.cameras[0]?.path ?? "none in the scene: one is placed to see everything")),
-      element("fieldset", { class: "size" }, element("legend", {}, "Resolution"), labelled("Width", width), element("span", { "aria-hidden": "true" }, "×"), labelled("Height", height), ticked("keep the shape", keep), element("div", { class: "segments" }, SCALES.map(([scale, name]) => button(name, () => scaled(Number(scale)))))),
+      facts.cameras.length > 1 || (before && facts.cameras.length === 0) ? field("Camera", camera, lost) : element("div", { class: "field" }, element("span", { class: "name" }, "Camera"), element("span", {}, facts.cameras[0]?.path ?? "none in the scene: one is placed that sees everything")),
+      element("fieldset", { class: "size" }, element("legend", {}, "Resolution"), labelled("Width", width), element("span", { "aria-hidden": "true" }, "×"), labelled("Height", height), ticked("keep the aspect ratio", keep), element("div", { class: "segments" }, SCALES.map(([scale, name]) => button(name, () => scaled(Number(scale)))))),
       element("fieldset", {}, element("legend", {}, "Frames"), ticked("several frames", range), frames, element("small", {}, facts.frames ? `The scene has ${facts.frames}. ` : "The scene names no range. ", "“1:10”, “1-10x2” or “1,5”")),
     ),
     element(
       "fieldset",
       { class: "qualities" },
-      element("legend", {}, "Stop when it is"),
+      element("legend", {}, "Stop at"),
       QUALITIES.map(([value, name, hint], index) => quality(value, name, hint, index === 0)),
       quality("own", "Own error", own, false),
     ),
@@ -77,7 +77,7 @@ export function sceneForm(scene, server, before = null) {
     element("div", { class: "columns" }, field("Or after seconds", seconds, "of sampling, each frame"), field("Or after samples a pixel", samples)),
     outputs.root,
     variants.length > 0 && element("details", { open: variants.length <= 4 }, element("summary", {}, "Variants"), element("div", { class: "columns" }, variants)),
-    element("details", {}, element("summary", {}, "More"), element("div", { class: "columns" }, field("Seed", seed), field("Scatterings", depth, "1: direct light only"), field("Clamp indirect light at", clamp, "a bias; the render tells how much light it took"), field("Priority", priority, "0 to 100; larger goes first"), field("Labels", labels, "name = value, one a line"), ticked("light a scene that has no lights", light), ticked("caustics", caustics), ticked("refuse a scene with warnings", strict))),
+    element("details", {}, element("summary", {}, "More"), element("div", { class: "columns" }, field("Seed", seed), field("Maximum depth", depth, "1: direct light only"), field("Clamp indirect light at", clamp, "a bias; the render reports how much light it removed"), field("Priority", priority, "0 to 100; larger goes first"), field("Labels", labels, "name = value, one a line"), ticked("light a scene without lights", light), ticked("caustics", caustics), ticked("refuse a scene with warnings", strict))),
     trouble,
     element("div", { class: "submit" }, submit, summary),
   );
@@ -94,43 +94,43 @@ export function sceneForm(scene, server, before = null) {
 
   function cameraChanged() {
     const chosen = facts.cameras.find(({ path }) => path === camera.value);
-    const side = was.resolution?.[0] || 960; // of a job before: as wide as that was, in the camera's shape
+    const side = was.resolution?.[0] || 960; // an earlier job's width, in the camera's aspect ratio
     const [w, h] = (was.resolution ? null : facts.resolution) ?? [side, Math.max(1, Math.round(side / (chosen?.aspect ?? 16 / 9)))];
     width.value = w;
     height.value = h;
     full = [w, h];
-    tell();
+    showSummary();
   }
 
   let full = [960, 540];
 
-  // What the job before had, where it differs from what a new one begins with.
+  // Sets the earlier job's settings where they differ from the defaults.
   function begin() {
     const target = was.stop?.target_error;
     const known = QUALITIES.find(([value]) => Number(value) === target);
     form.elements.quality.value = known ? known[0] : "own";
     if (!known && target) own.value = target;
     if (was.resolution) [width.value, height.value] = full = [was.resolution[0] || "", was.resolution[1] || ""];
-    tell();
+    showSummary();
   }
 
   function scaled(scale) {
     width.value = Math.max(1, Math.round(full[0] * scale));
     height.value = Math.max(1, Math.round(full[1] * scale));
-    tell();
+    showSummary();
   }
 
   width.addEventListener("input", () => {
     if (keep.checked && width.value > 0) height.value = Math.max(1, Math.round((width.value * full[1]) / full[0]));
-    tell();
+    showSummary();
   });
   height.addEventListener("input", () => {
     if (keep.checked && height.value > 0) width.value = Math.max(1, Math.round((height.value * full[0]) / full[1]));
-    tell();
+    showSummary();
   });
   camera.addEventListener("change", cameraChanged);
 
-  function tell() {
+  function showSummary() {
     const pixels = width.value * height.value;
     fill(summary, pixels > 0 ? `${format.count(pixels)} pixels` : "");
     timing.update();
@@ -167,7 +167,7 @@ export function sceneForm(scene, server, before = null) {
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     const request = job();
-    // The same request sent again after a lost answer is the same job; a changed one is another.
+    // The same request sent again after a lost answer is the same job; a changed request is another one.
     if (JSON.stringify(request) !== sent) key = token();
     sent = JSON.stringify(request);
     submit.disabled = true;
@@ -205,7 +205,7 @@ function variantOf(was, prim, set, names) {
   return (was.variants ?? []).find((each) => chosen.includes(each)) ?? "";
 }
 
-// The job's variants that the form has no control for.
+// Returns the job's variants that have no control in the form.
 function othersOf(was, offered) {
   const known = offered.map(({ prim, set }) => `${prim}:${set}=`);
   return (was.variants ?? []).filter((each) => !known.some((start) => each.startsWith(start)));

@@ -1,14 +1,14 @@
-// What a render is to give beside its picture: the product of the stage, AOVs, a denoised picture; and which purposes are drawn.
+// Choice of a render's outputs: the product of the stage, AOVs, a denoised picture; and of the purposes that are rendered.
 
 import { choice, element, field, labelled, ticked } from "../base/dom.js";
 
-const LOOKED_AT = ["depth", "normal", "albedo", "prim"]; // what a viewer is good for, where the stage orders nothing
+const LOOKED_AT = ["depth", "normal", "albedo", "prim"]; // useful in a viewer, for stages that define no products
 const PURPOSES = ["default", "render", "proxy", "guide"];
 const USUAL = ["default", "render"];
-const [BEAUTY, ALL] = ["beauty", "*"]; // the first product; all of them
+const [BEAUTY, ALL] = ["beauty", "*"]; // the first product; all products
 const productOf = (was) => (!was?.products || was.products[0] === BEAUTY ? "" : was.products[0]);
 
-// `was`: the settings of a job that the choice begins with.
+// `was` are the settings of the job that the choice begins with.
 export function outputsChoice(facts, aovs, was = null) {
   const product = facts.products.length > 1 ? choice([["", "the first of the render settings"], [ALL, "all, each under its own name"], ...facts.products.map(({ path }) => [path, path])], productOf(was)) : null;
   const denoise = element("input", { type: "checkbox", checked: was?.denoise });
@@ -47,7 +47,7 @@ export function outputsChoice(facts, aovs, was = null) {
   }
 
   function settings() {
-    const asked = [...purposes].filter(([, { input }]) => input.checked).map(([name]) => name);
+    const chosen = [...purposes].filter(([, { input }]) => input.checked).map(([name]) => name);
     const own = others.value.split(",").map((name) => name.trim()).filter(Boolean);
     const chosen = [...ticks].filter(([, { input }]) => input.checked).map(([name]) => name);
     return {
@@ -59,7 +59,7 @@ export function outputsChoice(facts, aovs, was = null) {
       ...(compression.value.trim() || was?.compression ? { compression: compression.value.trim() || null } : {}),
       aov_errors: errors.checked,
       aovs: which?.value === "ordered" ? null : [...chosen, ...own],
-      purposes: asked.length === 0 || asked.join() === USUAL.join() ? null : asked,
+      purposes: chosen.length === 0 || chosen.join() === USUAL.join() ? null : chosen,
     };
   }
 

@@ -17,7 +17,7 @@ const LOCAL = 0x04034b50;
 const CENTRAL = 0x02014b50;
 const END = 0x06054b50;
 const NAMES_ARE_UTF8 = 1 << 11;
-// The same files must give the same bytes, and so the same scene: 1980-01-01, the first day that a zip can name.
+// Equal files must give equal bytes, and so the same scene: the time is 1980-01-01, the first day that a zip can express.
 const DATE = 0x21;
 const MOST_BYTES = 0xffffffff; // more would need Zip64
 const MOST_ENTRIES = 0xffff;
@@ -33,7 +33,7 @@ function record(size, fields) {
   return new Uint8Array(view.buffer);
 }
 
-// `entries`: [{path, file}]; `onProgress(bytes)` as they are read.
+// `entries` are [{path, file}]; `onProgress(bytes)` is called as they are read.
 export async function stored(entries, onProgress = () => {}, signal = undefined) {
   const total = entries.reduce((sum, { file, path }) => sum + file.size + 2 * path.length * 3 + 76, 22);
   if (entries.length > MOST_ENTRIES) throw new Error(`${entries.length} files: one upload takes at most ${MOST_ENTRIES}.`);

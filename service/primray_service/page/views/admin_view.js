@@ -1,4 +1,5 @@
-// What an administrator sees of all tenants: jobs, with what can be done to them; workers and what they render; usage and quotas.
+// The administrator's view of all tenants: jobs and actions on them; workers and the frames that they render; usage and
+// quotas.
 
 import { get } from "../base/api.js";
 import { element, fill } from "../base/dom.js";
@@ -33,7 +34,7 @@ export function adminView(root) {
       tenants.show(found[2]);
     } catch (failure) {
       if (!closed) failed(failure);
-      if ([401, 403].includes(failure.problem?.status)) return; // another key is needed, which begins this view anew
+      if ([401, 403].includes(failure.problem?.status)) return; // another key is needed, which starts this view again
     }
     if (!closed) timer = setTimeout(load, 1000 * LOOK_EVERY_S);
   }

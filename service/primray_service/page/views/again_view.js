@@ -1,4 +1,4 @@
-// A job to be submitted again: its reason where it failed, and the form with its settings, to be changed.
+// Submits a job again: shows why it failed, if it did, and the form with its settings, which can be changed.
 
 import { get, jobPath, scenePath } from "../base/api.js";
 import { element, fill } from "../base/dom.js";

@@ -1,5 +1,6 @@
-// Two pictures, or two parts of pictures' files, on top of each other: a slider between them (a wipe), one after the other (a
-// flicker), their difference, and how many of its standard errors that is; with the values of both under the cursor.
+// Compares two pictures, or two parts of pictures' files, on top of each other: with a slider between them (a wipe), in
+// alternation (a flicker), as their difference, or as that difference in standard errors; with the values of both under the
+// cursor.
 
 import { get, jobPath } from "../base/api.js";
 import { button, choice, element, field, fill, write } from "../base/dom.js";
@@ -18,17 +19,17 @@ import { nameOf } from "./jobs_view.js";
 const MODES = [["split", "Slider"], ["flicker", "Flicker"], ["a", "A"], ["b", "B"], ["difference", "Difference"], ["deviations", "Difference ÷ error"]];
 const OF_BOTH = ["difference", "deviations"];
 const KEYS = { a: "a", b: "b", w: "split", f: "flicker", d: "difference", s: "deviations" };
-const FLICKER_S = 0.7; // each of the two is seen: no faster than people may safely be shown changes (WCAG 2.3.1: 3 flashes a second)
-const SAME = ""; // B shows what A does
+const FLICKER_S = 0.7; // slow enough to be safe: at most 3 flashes a second (WCAG 2.3.1)
+const SAME = ""; // B shows the same view as A
 const OFFERED = 100; // jobs in each list
-const LOOK_EVERY_S = 3; // while one of the two goes on
+const LOOK_EVERY_S = 3; // while one of the two is being rendered
 
 export function compareView(root, [first, second]) {
   const trouble = element("div", {});
   const pickers = element("div", { class: "bar" });
   const values = element("output", { class: "values two", "aria-label": "Values of the pixel under the cursor" });
-  const keys = { words: "A and B show one of them, Space the other, W wipes, F flickers, D shows the difference, S that in its standard errors, E and Shift E expose", press: onKey };
-  const board = stage("The two pictures", { onPixel: tellPixel, keys });
+  const keys = { words: "A and B show one picture, Space the other one, W wipes, F flickers, D shows the difference, S the difference in standard errors, E and Shift E change the exposure", press: onKey };
+  const board = stage("The two pictures", { onPixel: showPixel, keys });
   const [a, b] = [compareSide(first), compareSide(second)];
   const canvas = element("canvas", {});
   const tags = [element("span", { class: "tag left" }, "A"), element("span", { class: "tag right" }, "B")];
@@ -36,7 +37,7 @@ export function compareView(root, [first, second]) {
   const colors = legend();
   board.sheet.prepend(a.root, b.root, canvas);
   board.root.append(line.root, ...tags);
-  const asked = new URLSearchParams(location.hash.split("?")[1]);
+  const query = new URLSearchParams(location.hash.split("?")[1]);
   const view = choice([], null, { on: { change: turn } });
   const other = choice([], null, { on: { change: turn } });
   const split = element("input", { type: "range", min: "0", max: "100", step: "0.5", value: "50", on: { input: arrange } });
@@ -47,8 +48,8 @@ export function compareView(root, [first, second]) {
   const [stops, times] = [element("output", { class: "stops" }, "0"), element("output", { class: "stops" }, "× 8")];
   const mode = element("div", { class: "segments", role: "group", "aria-label": "Show" }, MODES.map(([name, text]) => button(text, () => choose(name), { data: { mode: name } })));
   const numbers = element("dl", { class: "numbers-list" });
-  const [splitField, lookField, frameField] = [field("Between A and B", split), field("Look", look), field("Frame, by place", frame)];
-  const gainField = element("div", { class: "field exposure" }, element("label", { for: (gain.id = "gain") }, "Difference times"), gain, times);
+  const [splitField, lookField, frameField] = [field("Between A and B", split), field("Look", look), field("Frame, from 1", frame)];
+  const gainField = element("div", { class: "field exposure" }, element("label", { for: (gain.id = "gain") }, "Gain of the difference"), gain, times);
   const exposureField = element("div", { class: "field exposure" }, element("label", { for: (exposure.id = "compare-exposure") }, "Exposure, stops"), exposure, stops);
   const picture = element(
     "section",
@@ -61,9 +62,9 @@ export function compareView(root, [first, second]) {
   );
   frameField.hidden = true;
   let shown = "split";
-  let found = null; // the difference of the two; null where there is none
-  let names = [asked.get("view") ?? PICTURE, asked.get("b") ?? SAME]; // of what A and B show
-  let scales = {}; // what colours mean: of both, of their difference, of deviations
+  let found = null; // the difference of the two; null if it cannot be computed
+  let names = [query.get("view") ?? PICTURE, query.get("b") ?? SAME]; // of the views that A and B show
+  let scales = {}; // the meaning of colours: in both pictures, in their difference, in deviations
   let [closed, timer, exposeTimer, flickerTimer, loading, drawing] = [false, 0, 0, 0, 0, 0];
   let isB = false;
   fill(root, element("h1", {}, "Compare"), pickers, trouble, picture);
@@ -130,7 +131,7 @@ export function compareView(root, [first, second]) {
     if (items.length === 0) fill(trouble, element("p", { class: "note" }, "There is no job to compare yet."));
   }
 
-  // The address says what is compared, so that it can be kept and sent to others.
+  // The address names what is compared, so that it can be saved and sent to others.
   function address(one, two) {
     const shows = new URLSearchParams([...(names[0] === PICTURE ? [] : [["view", names[0]]]), ...(names[1] === SAME ? [] : [["b", names[1]]])]).toString();
     return `#/compare/${encodeURIComponent(one || "-")}${two ? `/${encodeURIComponent(two)}` : ""}${shows && `?${shows}`}`;
@@ -174,7 +175,7 @@ export function compareView(root, [first, second]) {
     }
   }
 
-  // What A has, and what B has; a name that an address asks for stays, though neither may have it.
+  // Lists the views that A and B have; a view that the address names is listed even if neither has it.
   function offerViews() {
     const listed = (all, name) => (all.includes(name) ? all : [...all, name]).map((each) => [each, each]);
     options(view, listed(a.names, names[0]), names[0]);
@@ -186,18 +187,18 @@ export function compareView(root, [first, second]) {
   function notes() {
     const lacking = [["A", a, names[0]], ["B", b, names[1] || names[0]]].filter(([, { layer }]) => !layer).map(([side, , name]) => `${side} has no “${name}”.`);
     const reason = a.layer && b.layer ? unlike(a.layer, b.layer) : "";
-    const fitted = size(a) !== size(b) ? " Each is shown as large as the other, in its own shape." : "";
+    const fitted = size(a) !== size(b) ? " Both are shown at the same size, each in its own aspect ratio." : "";
     const going = [a, b].some(({ job }) => !TERMINAL.has(job.state));
     return [
       ...lacking.map((text) => element("p", { class: "note" }, text)),
-      reason && element("p", { class: "note" }, `${reason}: there is no difference to compute.${fitted}`),
-      going && element("p", { class: "note" }, "At least one of the two is not finished: what is shown follows it."),
+      reason && element("p", { class: "note" }, `${reason}: the difference cannot be computed.${fitted}`),
+      going && element("p", { class: "note" }, "At least one of the two is still being rendered: the comparison follows it."),
     ];
   }
 
   const size = ({ layer }) => `${layer?.fullWidth} × ${layer?.fullHeight}`;
 
-  // As large as the larger of the two, in A's shape.
+  // The sheet is as large as the larger of the two, in A's aspect ratio.
   function sheetSize() {
     const [one, two] = [a.layer ?? b.layer, b.layer ?? a.layer];
     const scale = Math.max(1, Math.min(two.fullWidth / one.fullWidth, two.fullHeight / one.fullHeight));
@@ -245,14 +246,14 @@ export function compareView(root, [first, second]) {
     tags[1].hidden = b.root.hidden = !["split", "b"].includes(now);
     canvas.hidden = !OF_BOTH.includes(shown);
     paintBoth();
-    colors.tell(scales[OF_BOTH.includes(shown) ? shown : "both"] ?? null);
+    colors.showScale(scales[OF_BOTH.includes(shown) ? shown : "both"] ?? null);
     b.root.style.clipPath = shown === "split" ? `inset(0 0 0 ${split.value}%)` : "";
     split.setAttribute("aria-valuetext", `A to ${split.value} %, B after`);
     picture.dataset.shown = shown;
     line.show(shown === "split" && !picture.hidden, Number(split.value));
   }
 
-  function tellPixel(at) {
+  function showPixel(at) {
     if (!at || picture.hidden) {
       write(values, "");
       return "";
@@ -260,9 +261,9 @@ export function compareView(root, [first, second]) {
     const [ofA, ofB] = [a, b].map((side) => side.wordsOf(at, sheetSize()));
     const deviation = found?.deviations?.[indexAt(a.layer, ...at)];
     const apart = Number.isFinite(deviation) ? `${format.error(deviation)} standard errors apart` : "";
-    const told = [ofA && `A ${ofA}`, ofB && `B ${ofB}`, apart].filter(Boolean);
-    fill(values, element("span", {}, `x ${at[0]}, y ${at[1]}`), told.map((words) => element("span", { class: "numbers" }, words)));
-    return `Pixel ${at[0]}, ${at[1]}: ${told.join(", ")}`;
+    const described = [ofA && `A ${ofA}`, ofB && `B ${ofB}`, apart].filter(Boolean);
+    fill(values, element("span", {}, `x ${at[0]}, y ${at[1]}`), described.map((words) => element("span", { class: "numbers" }, words)));
+    return `Pixel ${at[0]}, ${at[1]}: ${described.join(", ")}`;
   }
 
   start();
@@ -278,7 +279,7 @@ export function compareView(root, [first, second]) {
   };
 }
 
-// The options of a list, left alone where they are the same: it may be open.
+// Sets the options of a list; equal options are left alone, since the list may be open.
 function options(list, wanted, chosen) {
   const text = JSON.stringify(wanted);
   if (list.dataset.options !== text) {

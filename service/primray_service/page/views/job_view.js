@@ -1,4 +1,4 @@
-// One job: its picture as it refines, how far it is, its error against the target, its frames, notes on the scene, files.
+// One job: its picture as it refines, its progress, its error against the target, its frames, notes on the scene, files.
 
 import { get, jobPath, scenePath, send } from "../base/api.js";
 import { diagnostics } from "../base/diagnostics.js";
@@ -16,7 +16,7 @@ import { progress } from "../job/progress.js";
 import { viewer } from "../picture/viewer.js";
 import { labels, otherLabels } from "./jobs_view.js";
 
-const LOOK_EVERY_S = 5; // where no event stream can be had
+const LOOK_EVERY_S = 5; // if there is no event stream
 const CURVE_EVERY_S = 0.9;
 const SAY_EVERY_S = 15;
 const READ_EVERY_S = 1;
@@ -41,7 +41,7 @@ export function jobView(root, [id]) {
   let scene = null;
   let rows = { frame: -1, attempt: 0, items: [] };
   let frame = 0;
-  let chosen = null; // the row of the frame that is shown, of a job that has several
+  let chosen = null; // the row of the frame that is shown, if the job has several
   let [closed, timer, saidAt, saidPhase, curveAt, curveTimer] = [false, 0, 0, "", 0, 0];
   let isEnding = false;
   let soonTimer = 0;
@@ -61,7 +61,7 @@ export function jobView(root, [id]) {
     ),
   );
 
-  // One request at a time; whatever happens meanwhile causes one more.
+  // Only one request runs at a time; changes meanwhile cause one more.
   async function refresh() {
     if (refreshing || gone) {
       again = !gone;
@@ -112,7 +112,7 @@ export function jobView(root, [id]) {
     else chooseFrame(0, null);
     await loadCurve();
     if (terminal) {
-      events.stop(); // left open, the browser would ask again and again
+      events.stop(); // if it stayed open, the browser would reconnect again and again
       clearInterval(timer);
       write(link, "");
     }
@@ -146,7 +146,7 @@ export function jobView(root, [id]) {
     announce();
   }
 
-  // The same again, of a part of the picture: another job, beside this one.
+  // Renders a part of the picture with the same settings, as another job beside this one.
   async function renderRegion(region) {
     const frames = (job.progress?.frames?.total ?? 1) > 1 ? { frames: String(chosen?.time_code ?? 1) } : {};
     const request = { scene: { id: job.scene.id, ...(job.scene.entry && { entry: job.scene.entry }) }, settings: { ...job.settings, ...frames, region }, name: `region of ${title.textContent}`.slice(0, 200), priority: job.priority, labels: job.labels };
@@ -207,7 +207,7 @@ export function jobView(root, [id]) {
     if (isOther) loadCurve();
   }
 
-  // Asking for a picture that cannot be there yet only makes errors in a browser's console.
+  // A request for a picture that cannot be there yet only causes errors in a browser's console.
   const hasPicture = () => (chosen ?? job).progress?.samples_done > 0;
 
   function onEvent(type, data) {
@@ -225,7 +225,7 @@ export function jobView(root, [id]) {
     else refresh();
   }
 
-  // Of a job with many frames, events come faster than its frames are worth being read again.
+  // In a job with many frames, events come faster than its frames should be read again.
   function soon() {
     soonTimer ||= setTimeout(() => {
       soonTimer = 0;
@@ -254,7 +254,7 @@ export function jobView(root, [id]) {
   }
 
   doing.onContinued = follow;
-  // What may be gone must not be asked for.
+  // Files that may be deleted must not be requested.
   doing.onDelete = (now) => {
     gone = now;
     picture.live(false, false);

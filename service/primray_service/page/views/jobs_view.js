@@ -1,4 +1,5 @@
-// The job list: names, thumbnails and places in the queue; filters by name, state and label; pages; two jobs chosen to be compared.
+// The job list: names, thumbnails and positions in the queue; filters by name, state and label; pages; two jobs can be chosen
+// and compared.
 
 import { get, jobPath } from "../base/api.js";
 import { button, choice, element, field, fill, say } from "../base/dom.js";
@@ -7,7 +8,7 @@ import { problemBox } from "../base/problem_box.js";
 import { STATES, TERMINAL, codeOf, phaseWords, stateWords } from "../base/words.js";
 
 const PAGE = 25;
-const SEARCHED = 200; // jobs that a name is looked for in: the newest, or the oldest, of that state and label
+const SEARCHED = 200; // jobs that a name is searched in: the newest, or the oldest, of the chosen state and label
 const LOOK_EVERY_S = 4;
 
 export function jobsView(root) {
@@ -20,12 +21,12 @@ export function jobsView(root) {
   const trouble = element("div", {});
   const chosen = new Set();
   const compare = element("a", { class: "button", href: "#/compare", hidden: true }, "Compare the two");
-  let cursors = [null]; // of this page and those before it
+  let cursors = [null]; // of this page and the pages before it
   let next = null;
   let items = [];
   let closed = false;
   let timer = 0;
-  let loads = 0; // counts what was asked for: an answer that was overtaken is dropped
+  let loads = 0; // counts requests: an answer that a newer request overtook is dropped
 
   fill(
     root,
@@ -68,11 +69,11 @@ export function jobsView(root) {
 
   function draw() {
     const words = name.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const kept = items.filter((job) => words.every((word) => `${nameOf(job)} ${Object.values(job.labels ?? {}).join(" ")}`.toLowerCase().includes(word)));
+    const matching = items.filter((job) => words.every((word) => `${nameOf(job)} ${Object.values(job.labels ?? {}).join(" ")}`.toLowerCase().includes(word)));
     const focused = document.activeElement?.dataset?.key;
-    fill(list, kept.map(row));
+    fill(list, matching.map(row));
     if (focused) list.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
-    if (kept.length === 0) fill(list, element("li", { class: "empty" }, state.value || label.value || words.length ? "No job is like that." : "There are no jobs yet. ", !state.value && !words.length && element("a", { href: "#/" }, "Make the first")));
+    if (matching.length === 0) fill(list, element("li", { class: "empty" }, state.value || label.value || words.length ? "No job is like that." : "There are no jobs yet. ", !state.value && !words.length && element("a", { href: "#/" }, "Make the first")));
     const back = cursors.length > 1 && button("Page before", () => (cursors.pop(), load()));
     const on = next && button("Next page", () => (cursors.push(next), load()));
     const looked = words.length > 0 && next && element("span", { class: "note" }, `Looked for in the ${order.value === "desc" ? "newest" : "oldest"} ${SEARCHED} jobs.`);
@@ -112,7 +113,7 @@ export function jobsView(root) {
   };
 }
 
-// "shot: 010" and "shot=010" alike; a word alone is a name.
+// "shot: 010" and "shot=010" are the same label; a word alone is a name.
 function labelOf(text) {
   const [name, ...rest] = text.split(/[:=]/);
   return rest.length ? `${name.trim()}:${rest.join(":").trim()}` : `name:${name.trim()}`;
@@ -120,12 +121,12 @@ function labelOf(text) {
 
 export const otherLabels = (job) => Object.fromEntries(Object.entries(job.labels ?? {}).filter(([name]) => name !== "name"));
 
-// A small picture, where there is one. A browser keeps what an address has shown in this document: the fragment makes that of
-// other samples another.
+// A small picture, if there is one. A browser shows a cached image for an address that is already in this document; the
+// fragment makes the address of a picture with more samples another one.
 function thumb(job) {
   const none = element("span", { class: "thumb" });
   if (!(job.progress?.pass > 0)) return none;
-  // A worker writes its first picture when it is first asked for one.
+  // A worker writes its first picture when the first request for it arrives.
   const on = { error: (event) => event.target.replaceWith(none) };
   return element("img", { on, class: "thumb", alt: "", loading: "lazy", width: 80, height: 45, src: `${jobPath(job.id, "/preview?width=160&format=jpeg")}#${job.progress.samples_done}` });
 }

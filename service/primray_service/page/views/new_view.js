@@ -1,4 +1,5 @@
-// A new render: a file is dropped or chosen, packed if need be, uploaded and checked; the form then offers what is in it.
+// A new render: a file is dropped or chosen, packed if necessary, uploaded and checked; the form then offers what the scene
+// contains.
 
 import { get, known, scenePath, upload } from "../base/api.js";
 import { button, element, fill, say, write } from "../base/dom.js";
@@ -49,7 +50,7 @@ export function newView(root) {
     zone.classList.remove("over");
     if (event.dataTransfer?.items.length) begin(await filesOfDrop(event.dataTransfer));
   };
-  // The whole window takes the file: a near miss must not make the browser leave the page.
+  // The whole window accepts the file: a near miss must not make the browser leave the page.
   addEventListener("dragover", over);
   addEventListener("dragleave", over);
   addEventListener("drop", drop);
