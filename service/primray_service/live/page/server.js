@@ -15,7 +15,7 @@ export function onRefused(refused) {
 
 export function send(command) {
   waiting.push(command);
-  void send();
+  void sendWaiting();
 }
 
 // Sends a command, added to one of the same kind that has not been sent yet.
@@ -26,7 +26,7 @@ export function move(kind, amounts) {
   return undefined;
 }
 
-async function send() {
+async function sendWaiting() {
   if (sending) return;
   sending = true;
   while (waiting.length > 0) {

@@ -47,7 +47,7 @@ export function outputsChoice(facts, aovs, was = null) {
   }
 
   function settings() {
-    const chosen = [...purposes].filter(([, { input }]) => input.checked).map(([name]) => name);
+    const drawn = [...purposes].filter(([, { input }]) => input.checked).map(([name]) => name);
     const own = others.value.split(",").map((name) => name.trim()).filter(Boolean);
     const chosen = [...ticks].filter(([, { input }]) => input.checked).map(([name]) => name);
     return {
@@ -59,7 +59,7 @@ export function outputsChoice(facts, aovs, was = null) {
       ...(compression.value.trim() || was?.compression ? { compression: compression.value.trim() || null } : {}),
       aov_errors: errors.checked,
       aovs: which?.value === "ordered" ? null : [...chosen, ...own],
-      purposes: chosen.length === 0 || chosen.join() === USUAL.join() ? null : chosen,
+      purposes: drawn.length === 0 || drawn.join() === USUAL.join() ? null : drawn,
     };
   }
 
