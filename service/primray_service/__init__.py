@@ -7,7 +7,7 @@
     problems.py         every error answer
     limits.py           limits of uploads, jobs, workers and tenants
     store/              the only SQL: SQLite or PostgreSQL
-    files.py            the data directory; objects.py: an object store that servers share instead; file_lock.py: locks of files
+    files.py            the data directory; objects.py: an object store that servers share instead
     shared_roots.py     shared storage whose stages jobs may name
     changes.py          notification of changes to jobs, and reads of them that are shared
     service.py          the parts of a running server, and the capabilities of the one that dispatches

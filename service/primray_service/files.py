@@ -10,15 +10,18 @@ incoming/                   uploads in progress
 If several servers share an object store (`objects`), each has its own folder: permanent files are in the store under the same
 names, except for outputs, whose names begin with their digests, and packages, which are unpacked where they are needed; the
 folder holds files in use, and a cache.
+
+File locks are of folders and files that their owner holds; a sweep removes those that nobody holds.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import shutil
 import stat
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,6 +29,30 @@ from pathlib import Path
 from .objects import Objects, ObjectStoreFailed
 from .problems import Problem
 from .shared_roots import SharedRoots
+
+
+def make_held(make: Callable[[], tuple[Path, int]]) -> tuple[Path, int]:
+    """Create a path by `make` (which returns the path and an open handle), and lock it. A sweep may remove it before it is
+    locked: then another is made. `make` raises FileNotFoundError if it was removed before it was opened."""
+    while True:
+        try:
+            path, handle = make()
+        except FileNotFoundError as error:
+            if error.filename is not None and not Path(error.filename).parent.is_dir():
+                raise
+            continue
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        if _is_at(path, handle):
+            return path, handle
+        os.close(handle)
+
+
+def _is_at(path: Path, handle: int) -> bool:
+    try:
+        return os.path.samestat(path.lstat(), os.fstat(handle))
+    except FileNotFoundError:
+        return False
+
 
 COPY_BYTES = 2**20
 

@@ -25,9 +25,20 @@ from ..jobs import Frame, Job, JobState, Json
 from ..problems import Problem
 from ..service import Service
 from ..store.base import JobFilter
-from .jobs.frames import FrameNumber
-from .jobs.interventions import paused, resumed, retried
-from .jobs.jobs import JOB_ID, JobId, canceled, check_version, job_answer, no_job, split_label, updated
+from .jobs.jobs import (
+    JOB_ID,
+    FrameNumber,
+    JobId,
+    canceled,
+    check_version,
+    job_answer,
+    no_job,
+    paused,
+    resumed,
+    retried,
+    split_label,
+    updated,
+)
 
 router = Router("/v1/admin/jobs", resource="admin_jobs", tag="admin")
 

@@ -93,7 +93,7 @@ async def view_table(
     display: OcioName = None,
     look: OcioName = None,
 ) -> Response:
-    """Return the display transform of the server's pictures as a table (pictures/views.py)."""
+    """Return the display transform of the server's pictures as a table (pictures/process.py)."""
     return _answer_with(request, _table(await service.pictures.view_table(space, view, display, look)))
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..file_lock import make_held
+from ..files import make_held
 from .limits import Budget
 from .spawn import layers, worker_spawn, works
 

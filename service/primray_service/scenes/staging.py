@@ -17,8 +17,7 @@ from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import TypeVar
 
-from ..file_lock import make_held
-from ..files import DataDirectory
+from ..files import DataDirectory, make_held
 
 T = TypeVar("T")
 

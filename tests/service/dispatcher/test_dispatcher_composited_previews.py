@@ -13,8 +13,8 @@ from tests.service.dispatcher.rig import Rig
 from tests.service.dispatcher.test_dispatcher_products import STAGE, folder_of, play, values_of
 
 from primray_service.jobs import FrameState, JobState
+from primray_service.pictures.process import picture
 from primray_service.pictures.request import PictureRequest
-from primray_service.pictures.views import picture
 from primray_service.worker.preview import read_preview
 
 BLUE = {"background": "#3060a0", "products": ["beauty"]}

@@ -11,9 +11,9 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.testclient import TestClient
 
+from primray_service.app import add_handlers
 from primray_service.http.bodies import json_body
 from primray_service.http.described import answer
-from primray_service.http.failures import add_handlers
 from primray_service.http.openapi import openapi
 from primray_service.http.parameters import Provided
 from primray_service.http.routing import Router, path_of

@@ -14,8 +14,7 @@ from typing import Any
 import pytest
 
 from primray_service.executor.slots import Slots
-from primray_service.file_lock import make_held
-from primray_service.files import DataDirectory
+from primray_service.files import DataDirectory, make_held
 from primray_service.scenes.preparing import locked
 from primray_service.scenes.staging import staging, sweep
 

@@ -1,4 +1,4 @@
-// The view of the server's pictures, as a table (pictures/views.py): what is drawn here looks like its PNG.
+// The view of the server's pictures, as a table (pictures/process.py): what is drawn here looks like its PNG.
 
 import { call } from "../base/api.js";
 

@@ -29,11 +29,9 @@ from ...http.routing import Router
 from ...jobs import Frame, Json
 from ...problems import Problem
 from ...service import Service
-from .jobs import JobId, found
+from .jobs import FrameNumber, JobId, found
 
 router = Router("/v1/jobs", resource="frames", tag="jobs")
-
-FrameNumber = Annotated[int, Field(ge=0, lt=2**31, description="Index among the job's frames, from 0.")]
 
 
 @router.get("/{job_id}/frames", answer(views.FramePage, headers=("Link",)), problems=("not-found", "invalid-request"))

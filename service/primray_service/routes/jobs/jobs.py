@@ -1,4 +1,5 @@
-"""Jobs: list, show, change, cancel, continue, delete; submissions.py creates them."""
+"""Jobs: list, show, change, cancel, continue, delete, pause, resume, and render one frame again; submissions.py creates
+them."""
 
 from __future__ import annotations
 
@@ -24,8 +25,8 @@ from ...http.bodies import json_body
 from ...http.callers import Reader, Serving, Submitter
 from ...http.described import answer
 from ...http.routing import Router
-from ...jobs import TERMINAL, Job, JobState, Json, etag, version_in
-from ...limits import Limits
+from ...jobs import TERMINAL, Frame, Job, JobState, Json, etag, version_in
+from ...limits import Limits, Quotas
 from ...problems import Problem
 from ...service import Service
 from ...store.base import Conflict, JobFilter
@@ -39,6 +40,7 @@ _PREFER_WAIT = re.compile(r"(?:^|[,;\s])wait=(\d{1,6})(?:$|[,;\s])", re.IGNORECA
 
 # Any text is looked up and may not be found: the pattern only documents ids.
 JobId = Annotated[str, Field(description="Id from POST /v1/jobs.", json_schema_extra={"pattern": f"^{JOB_ID.pattern}$"})]
+FrameNumber = Annotated[int, Field(ge=0, lt=2**31, description="Index among the job's frames, from 0.")]
 
 
 def found(service: Service, caller: Caller, job_id: str) -> Job:
@@ -305,3 +307,74 @@ def removed(service: Service, job_id: str) -> bool:
         pass  # another request deleted it meanwhile
     service.data.remove_job(job_id)
     return True
+
+
+interventions_router = Router("/v1/jobs", resource="interventions", tag="jobs")
+
+CHANGED = ("not-found", "conflict", "precondition-failed")
+
+
+@interventions_router.post(
+    "/{job_id}/pause",
+    answer(views.Job, 202, "The job is paused, or soon will be.", headers=("ETag", "Retry-After")),
+    problems=CHANGED,
+    headers=("If-Match",),
+)
+def pause(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
+    """Pause a job: running frames write a checkpoint and free their workers, and no frame starts until it is resumed."""
+    check_version(request, found(service, caller, job_id))
+    job = paused(service, job_id)
+    return job_answer(job, body_of(service, job), 202)
+
+
+@interventions_router.post(
+    "/{job_id}/resume",
+    answer(views.Job, 202, "Its frames are queued again.", headers=("ETag", "Retry-After")),
+    problems=CHANGED,
+    headers=("If-Match",),
+)
+def resume(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
+    """Resume a paused job: its frames continue from their checkpoints. A job that is not paused does not change."""
+    check_version(request, found(service, caller, job_id))
+    job = resumed(service, job_id)
+    return job_answer(job, body_of(service, job), 202)
+
+
+@interventions_router.post(
+    "/{job_id}/frames/{number}/retry",
+    answer(views.Job, 202, "The frame is queued again.", headers=("ETag", "Retry-After")),
+    problems=("not-found", "conflict", "invalid-request", "precondition-failed", "quota-exceeded"),
+    headers=("If-Match",),
+)
+def retry(job_id: JobId, number: FrameNumber, request: Request, caller: Submitter, service: Serving) -> Response:
+    """Render one finished frame again, from its first sample; the job's other frames stay as they are.
+
+    Its files stay until new ones of the same names replace them. A job that had ended is queued again.
+    """
+    check_version(request, found(service, caller, job_id))
+    job = retried(service, job_id, number, service.quotas_of(caller))
+    return job_answer(job, body_of(service, job), 202)
+
+
+def paused(service: Service, job_id: str) -> Job:
+    conflict = Problem("conflict", "Only a job that has not ended, and is not being canceled, can be paused.")
+    return acted(service, lambda: service.store.request_pause(job_id, time.time()), conflict)
+
+
+def resumed(service: Service, job_id: str) -> Job:
+    conflict = Problem("conflict", "Only a job that has not ended, and is not being canceled, can be resumed.")
+    return acted(service, lambda: service.store.request_resume(job_id, time.time()), conflict)
+
+
+def retried(service: Service, job_id: str, number: int, quotas: Quotas) -> Job:
+    frame = _frame(service, job_id, number)
+    said = f"Frame {number} is {frame.state.value}: only a frame that has ended can be retried, while its scene exists."
+    conflict = Problem("conflict", said, state=frame.state.value)
+    return acted(service, lambda: service.store.retry_frame(job_id, number, frame.attempt, time.time(), quotas), conflict)
+
+
+def _frame(service: Service, job_id: str, number: int) -> Frame:
+    frame = service.store.frame(job_id, number)
+    if frame is None:
+        raise Problem("not-found", "The job has no such frame.")
+    return frame
