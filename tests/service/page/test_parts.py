@@ -168,7 +168,7 @@ def test_parts_look_as_the_picture_does(open_page, site):
         before = pictures(page)
         view.select_option(value=part.filter(has_text=re.compile(f"^{re.escape(name)}$")).get_attribute("value"))
         until_pictures(page, before)
-        assert ("Seen as the PNG is" in page.locator(".under").inner_text()) is is_seen, name
+        assert ("Shown as in the PNG" in page.locator(".under").inner_text()) is is_seen, name
         if name != "Albedo":
             assert np.abs(canvas(page) - expected[0]).max() <= 2, name
     before = pictures(page)

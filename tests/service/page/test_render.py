@@ -78,7 +78,7 @@ def test_a_picture_refines_is_canceled_and_goes_on(open_page, site):
         page.get_by_label("Target error").fill("")
         page.get_by_label("Or samples a pixel in all").fill(str(int(before) + 16))
         page.get_by_label("Or seconds in all").fill("")
-        page.get_by_role("button", name="Go on").click()
+        page.get_by_role("button", name="Continue rendering").click()
         wait_for_state(page, "succeeded", 60)
         after = client.get(f"/v1/jobs/{job}").json()
         assert after["attempt"] == 2
@@ -180,7 +180,7 @@ def test_the_list_filters_and_leads_to_comparing(open_page, site):
     until(page, "document.querySelectorAll('.jobs li[data-state]').length === 2")
     assert rows.locator("img").count() == 2
     page.get_by_label("Name", exact=True).fill("no such")
-    page.get_by_text("No job is like that.").wait_for()
+    page.get_by_text("No job matches.").wait_for()
     page.get_by_label("Name", exact=True).fill("SMALL list")
     until(page, "document.querySelectorAll('.jobs li[data-state]').length === 2")
     for box in rows.locator("input").all():
@@ -191,7 +191,7 @@ def test_the_list_filters_and_leads_to_comparing(open_page, site):
     page.goto(f"{site.url}/#/jobs")
     page.get_by_label("Label", exact=True).fill("shot: list")  # jobs of other tests, which share the server, may have failed
     page.get_by_label("State").select_option("failed")
-    page.get_by_text("No job is like that.").wait_for()
+    page.get_by_text("No job matches.").wait_for()
 
 
 def test_notes_stand_beside_their_prims(open_page, site):

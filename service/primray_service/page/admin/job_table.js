@@ -13,7 +13,7 @@ export function jobTable({ changed, failed }) {
   const tenant = element("input", { type: "search", on: { change: restart } });
   const state = choice([["", "any state"], ...Object.entries(STATES)], "", { on: { change: restart } });
   const pages = element("div", { class: "pages" });
-  const jobs = table("Jobs of all tenants", ["Job", "Tenant", "State", "Done", "Priority", "Made", "Actions"], "No job is like that.");
+  const jobs = table("Jobs of all tenants", ["Job", "Tenant", "State", "Done", "Priority", "Created", "Actions"], "No job matches.");
   const bar = element("form", { class: "bar", on: { submit: (event) => (event.preventDefault(), restart()) } }, field("Tenant", tenant), field("State", state));
   jobs.root.querySelector("h2").after(bar);
   jobs.root.append(pages);

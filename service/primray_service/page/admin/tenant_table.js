@@ -52,7 +52,7 @@ export function tenantTable({ changed, failed }) {
         "div",
         { class: "actions" },
         element("button", { class: "main" }, "Set"),
-        Object.keys(tenant.quotas_set).length > 0 && button("Take back what was set", () => act(tenant, "DELETE")),
+        Object.keys(tenant.quotas_set).length > 0 && button("Remove these quotas", () => act(tenant, "DELETE")),
         button("Not now", () => fill(panel)),
       ),
     );

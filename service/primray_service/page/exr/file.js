@@ -71,7 +71,7 @@ async function headers(range, size) {
       return { head, found: readHeaders(head) };
     } catch (failure) {
       if (!(failure instanceof NeedsMore)) throw failure;
-      if (count >= size || count >= MOST_HEADER) throw new BadExr("The file's headers end nowhere.");
+      if (count >= size || count >= MOST_HEADER) throw new BadExr("The file's headers have no end.");
     }
   }
 }

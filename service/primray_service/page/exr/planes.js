@@ -34,12 +34,12 @@ export async function planesOf(part, chunkOf) {
 async function unpacked(part, bytes, rows) {
   const size = rows * part.width * part.channels.reduce((sum, { type }) => sum + BYTES[type], 0);
   if (!part.isPacked || bytes.length === size) {
-    if (bytes.length !== size) throw new BadExr("A chunk has not the size of its rows.");
+    if (bytes.length !== size) throw new BadExr("A chunk does not have the size of its rows.");
     return bytes.slice();
   }
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   const found = new Uint8Array(await new Response(stream).arrayBuffer());
-  if (found.length !== size) throw new BadExr("A chunk has not the size of its rows.");
+  if (found.length !== size) throw new BadExr("A chunk does not have the size of its rows.");
   return joined(found);
 }
 

@@ -54,7 +54,7 @@ export function actions(id, { changed, failed }) {
       field("Target error", target),
       field("Or seconds in all", seconds),
       field("Or samples a pixel in all", samples),
-      element("div", { class: "actions" }, element("button", { class: "main" }, "Go on"), button("Not now", () => fill(panel))),
+      element("div", { class: "actions" }, element("button", { class: "main" }, "Continue rendering"), button("Not now", () => fill(panel))),
     );
     form.addEventListener("submit", (event) => {
       event.preventDefault();

@@ -251,9 +251,9 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
 }
 
 function aboutOf(layer, { view, isFalse }, look) {
-  const why = !layer.isLight ? ": it is no light" : look === "display" ? ": its colour space is not known here" : "";
-  const seen = layer.kind === "color" && !isFalse && (view ? `Seen as the PNG is, through “${view.view}”` : `Drawn as plain sRGB${why}`);
-  const sparse = layer.step > 1 && `Of its rows and columns, one in ${layer.step} is shown`;
+  const why = !layer.isLight ? ": it is not light" : look === "display" ? ": its colour space is not known here" : "";
+  const seen = layer.kind === "color" && !isFalse && (view ? `Shown as in the PNG, through “${view.view}”` : `Drawn as plain sRGB${why}`);
+  const sparse = layer.step > 1 && `One in ${layer.step} of its rows and columns is shown`;
   return [layer.meaning, seen, sparse].filter(Boolean).join(". ");
 }
 

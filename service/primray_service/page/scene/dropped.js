@@ -43,7 +43,7 @@ export async function packed(files, onProgress, signal) {
   const litter = files.filter(({ path }) => LITTER.test(path));
   const usable = files.filter(({ path }) => !LITTER.test(path));
   const notes = litter.length ? [`Left out: ${litter.map(({ path }) => path).join(", ")}`] : [];
-  if (usable.length === 0) throw new Error("There is no file in what was dropped.");
+  if (usable.length === 0) throw new Error("Nothing that was dropped is a file.");
   if (usable.length === 1 && SCENE.test(usable[0].file.name)) return { name: usable[0].file.name, blob: usable[0].file, notes };
   if (!usable.some(({ path }) => PICTURE.test(path))) {
     const other = usable.find(({ path }) => OTHER.test(path));

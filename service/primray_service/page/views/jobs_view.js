@@ -73,10 +73,10 @@ export function jobsView(root) {
     const focused = document.activeElement?.dataset?.key;
     fill(list, matching.map(row));
     if (focused) list.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
-    if (matching.length === 0) fill(list, element("li", { class: "empty" }, state.value || label.value || words.length ? "No job is like that." : "There are no jobs yet. ", !state.value && !words.length && element("a", { href: "#/" }, "Make the first")));
+    if (matching.length === 0) fill(list, element("li", { class: "empty" }, state.value || label.value || words.length ? "No job matches." : "There are no jobs yet. ", !state.value && !words.length && element("a", { href: "#/" }, "Render the first one")));
     const back = cursors.length > 1 && button("Page before", () => (cursors.pop(), load()));
     const on = next && button("Next page", () => (cursors.push(next), load()));
-    const looked = words.length > 0 && next && element("span", { class: "note" }, `Looked for in the ${order.value === "desc" ? "newest" : "oldest"} ${SEARCHED} jobs.`);
+    const looked = words.length > 0 && next && element("span", { class: "note" }, `Searched in the ${order.value === "desc" ? "newest" : "oldest"} ${SEARCHED} jobs.`);
     fill(pages, back, on, looked);
   }
 

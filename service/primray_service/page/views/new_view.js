@@ -29,7 +29,7 @@ export function newView(root) {
     folder,
   );
   const steps = element("ol", { class: "steps", "aria-label": "How it goes" }, STEPS.map(([word, text]) => element("li", {}, element("strong", {}, word), ` ${text}`)));
-  const offered = examples(begin, (failure) => fill(below, problemBox(failure.problem ?? { title: "The example cannot be had", detail: failure.message })));
+  const offered = examples(begin, (failure) => fill(below, problemBox(failure.problem ?? { title: "The example is not available", detail: failure.message })));
   const first = element("div", { class: "first" }, steps, offered);
   const below = element("div", { class: "below" });
   let running = null;
@@ -77,7 +77,7 @@ export function newView(root) {
       const size = files.reduce((sum, { file }) => sum + file.size, 0);
       const { name: called, blob, notes } = await packed(files, (done) => progress(`Packing: ${format.bytes(done)} of ${format.bytes(size)}`, done, size), signal);
       write(name, called);
-      progress("Looking whether the server has it already");
+      progress("Checking whether the server has it already");
       const started = performance.now();
       let scene = await known(blob);
       if (!scene) {
