@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..store import SchemaTooNew, open_store
-from ..store.base import Store
 from .exits import USAGE, CommandError, error_of
 from .job_text import plain
 
 if TYPE_CHECKING:
     from ..client import Client, ProblemError
+    from ..store.base import Store
 
 
 Server = Annotated[
@@ -155,6 +154,8 @@ PATIENCE_S = 3.0
 @contextmanager
 def opened_store(url: str) -> Iterator[Store]:
     """Open the store, bring its schema up to date, and close it afterwards; CommandError if it cannot be used."""
+    from ..store import SchemaTooNew, open_store
+
     # A database that is just starting is waited for: report that if it takes more than a moment.
     waiting = threading.Timer(PATIENCE_S, lambda: print("waiting for the database ...", file=sys.stderr, flush=True))
     waiting.daemon = True
