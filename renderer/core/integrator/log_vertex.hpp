@@ -42,30 +42,30 @@ inline void log_domes(PathLog& log, const Round& round, const PathLanes<1>& p) {
 }
 
 // Logs the surface that a ray hits. Shapes are numbered as in the plane "prim" of first hits.
-inline void log_hit(PathLog& log, const Scene& scene, const PathLanes<1>& p, const Hits<1>& hits, const Interaction<1>& it) {
-  const HitGroup<1> in(scene, vbool<1>(true), hits);
+inline void log_hit(PathLog& log, const Scene& scene, const PathLanes<1>& p, const SurfaceHit<1>& surface) {
+  const Interaction<1>& it = surface.it;
+  const HitGroup<1> in(scene, vbool<1>(true), surface.hits);
   const bool is_triangle = any(in.is_triangle(scene, vbool<1>(true)));
   log.add("hit", p)
       .put("shape", double(is_triangle ? it.mesh[0] : -2 - it.curved[0]))
       .put("surface", it.surface)
       .put("instance", in.instanced[0] ? double(in.instance[0]) : -1.0)
       .put("outer", in.grouped[0] ? double(in.outer[0]) : -1.0)
-      .put("distance", log.length(hits.t))
+      .put("distance", log.length(surface.hits.t))
       .put("position", log.point(it.p))
       .put("normal", it.ng)
       .put("shading_normal", it.ns)
-      .put("front", dot(it.ng, p.ray.d) < vfloat<1>(0.0f))
+      .put("front", surface.front)
       .put("throughput", p.beta);
 }
 
 // Logs what a surface emits towards the path; `shines` includes the MIS weight.
-inline void log_surface_emission(PathLog& log, const Scene& scene, vbool<1> hit, const PathLanes<1>& p, const Hits<1>& hits,
-                                 const Interaction<1>& it, const vvec3<1>& shines) {
+inline void log_surface_emission(PathLog& log, const Scene& scene, vbool<1> hit, const PathLanes<1>& p,
+                                 const SurfaceHit<1>& surface, const vvec3<1>& shines) {
   if (!any(hit & (max_component(shines) > vfloat<1>(0.0f)))) return;
   PathLog::Event& event = log.add("emission", p).put("radiance", shines).put("bsdf_pdf", p.bsdf_pdf);
   if (!scene.emitters.any() || !any(p.bsdf_pdf > vfloat<1>(0.0f))) return;
-  const vvec3<1> from = p.ray.o - p.ray.d * p.travelled;
-  const vfloat<1> pdf = emitter_pdf(scene, hit, hits, it, from, p.normal, p.ray.d, hits.t + p.travelled, p.link);
+  const vfloat<1> pdf = emitter_pdf(scene, hit, surface.hits, surface.it, p);
   if (any(pdf > vfloat<1>(0.0f))) event.put("light_pdf", pdf).put("weight", mis_weight(p.bsdf_pdf, pdf));
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "integrator/camera_visibility.hpp"
 #include "integrator/emission.hpp"
 #include "integrator/lpe_light.hpp"
 #include "integrator/tile_task.hpp"
@@ -26,31 +27,6 @@ constexpr float kRouletteKeep = 4;
 // as a^2 is below the survival probability: 0.98 made a closed room of albedo 0.998 6 % too dark in any render.
 constexpr int kRouletteDeep = 1024;
 constexpr float kRouletteDeepKeep = 0.999f;
-
-// Marks the samples of camera rays that pass only gaps: surfaces that are not present, or hidden from the camera
-// (integrator/tile_task.hpp).
-template <int W>
-PRIMRAY_RARE void mark_gaps(Round& round, vbool<W> gaps, const PathLanes<W>& p) {
-  for (uint32_t b = bits(gaps & (p.vertex == vint<W>(0))); b; b &= b - 1) {
-    float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
-    if (a < kThroughGaps) a += kGapMark;
-  }
-}
-
-// Updates the gap marks of camera rays that pass straight through `v`: set for a gap, cleared for a transmissive surface.
-template <int W, class Lobes>
-PRIMRAY_RARE void update_gap_marks(Round& round, vbool<W> straight, const Vertex<W, Lobes>& v, const BsdfSample<W>& s,
-                                   const PathLanes<W>& p) {
-  if constexpr (requires { v.bsdf.presence; }) {
-    const vfloat<W> one(1.0f);
-    const vbool<W> gap = straight & (v.bsdf.presence < one) & (s.weight.x == one) & (s.weight.y == one) & (s.weight.z == one);
-    mark_gaps(round, gap, p);
-    for (uint32_t b = bits(straight & !gap); b; b &= b - 1) {
-      float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
-      if (a >= kThroughGaps) a -= kGapMark;
-    }
-  }
-}
 
 // Samples a direction from the BSDF, the guide or the caustic photons. `splits`: number of parts of each sample, which photons
 // change. `own`: with photons, the density without them.

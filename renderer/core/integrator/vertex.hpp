@@ -1,4 +1,4 @@
-// Path vertex: its interaction, frame and lobes, and queries that scattering makes to the scene.
+// Path vertex: the surface that was hit, its frame and lobes, and queries that scattering makes to the scene.
 #pragma once
 
 #include "accel/query.hpp"
@@ -7,9 +7,56 @@
 #include "integrator/rays/path_pool.hpp"
 #include "integrator/rays/ray_recorder.hpp"
 #include "integrator/round.hpp"
+#include "surface/interaction.hpp"
 #include "surface/ray_origin.hpp"
 
 namespace primray {
+
+// Surface that W rays hit, and the side of it that they came from.
+template <int W>
+struct SurfaceHit {
+  const Hits<W>& hits;
+  Interaction<W> it;
+  SurfaceRows<W> rows;
+  vfloat<W> cosine;  // between the outward normal and the direction that the ray came from
+  vbool<W> front;    // whether the ray came from outside
+  // Geometric normal and shading frame on that side; the frame is valid after set_frame().
+  vvec3<W> ng;
+  Frame<vfloat<W>> frame;
+
+  PRIMRAY_INLINE SurfaceHit(const Scene& scene, vbool<W> hit, const Rays<W>& rays, const Hits<W>& h)
+      : hits(h),
+        it(interact(scene, hit, rays, h)),
+        rows(scene.surfaces, it.surface),
+        cosine(dot(it.ng, -rays.d)),
+        front(cosine > vfloat<W>(0.0f)),
+        ng(it.ng * side()) {}
+
+  // Factor that turns outward normals to the side of the ray.
+  PRIMRAY_INLINE vfloat<W> side() const { return select(front, vfloat<W>(1.0f), vfloat<W>(-1.0f)); }
+  // Sets the shading frame for rays from `wo`, once normal maps have bent the shading normal; one that faces away from `wo` is
+  // replaced by the geometric normal.
+  PRIMRAY_INLINE void set_frame(const vvec3<W>& wo) {
+    const vvec3<W> ns = it.ns * side();
+    frame = Frame<vfloat<W>>(select(dot(ns, wo) > vfloat<W>(1e-4f), ns, ng));
+  }
+};
+
+// Continues paths straight, from behind the surface that they hit. `inside`: their medium state, if media are followed.
+template <int W>
+PRIMRAY_RARE void continue_straight(Round& round, vbool<W> lanes, const PathLanes<W>& p, const SurfaceHit<W>& surface,
+                                    const MediumState<W>* inside = nullptr) {
+  const Compaction<W> c(lanes);
+  PathLanes<W> n = p;
+  const vfloat<W> distance = dot(surface.it.p - p.ray.o, p.ray.d);
+  n.ray.o = surface.it.p - surface.ng * surface.it.offset;
+  n.ray.tnear = vfloat<W>(0.0f);
+  n.ray.tfar = p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d);
+  n.vertex = p.vertex + vint<W>(1);
+  n.travelled = p.travelled + distance, n.cone_width = p.cone_width + p.cone_spread * distance;
+  if (inside) round.worker.inside->next->put(round.worker.next->count, c, *inside);
+  round.worker.next->append(c, n, round.needs);
+}
 
 // Parts of a split path: each carries an equal share of the throughput, and they take consecutive indices of a sample sequence
 // that is `parts` times longer.
@@ -61,9 +108,10 @@ PRIMRAY_INLINE vfloat<W> scattered_density(const Round& round, const Vertex<W, L
 
 // Confirms hits on a triangle's edge: whether a ray a little further inside hits the same triangle.
 template <int W>
-vbool<W> confirm_edge_hit(Round& round, vbool<W> m, const PathLanes<W>& p, const Hits<W>& h, const Interaction<W>& it) {
+vbool<W> confirm_edge_hit(Round& round, vbool<W> m, const PathLanes<W>& p, const SurfaceHit<W>& surface) {
+  const Hits<W>& h = surface.hits;
   const SurfacePoint<W> at(round.scene, m, h);
-  const vvec3<W> to = it.p + (at.e1 * (1.0f / 3 - at.u) + at.e2 * (1.0f / 3 - at.v)) * kEdgeInset - p.ray.o;
+  const vvec3<W> to = surface.it.p + (at.e1 * (1.0f / 3 - at.u) + at.e2 * (1.0f / 3 - at.v)) * kEdgeInset - p.ray.o;
   const Rays<W> rays{p.ray.o, normalize(to), vfloat<W>(0.0f), vfloat<W>(kInfinity), p.ray.time};
   if (round.recorder) round.recorder->record(false, false, m, rays);
   round.worker.scattered_rays += __builtin_popcount(bits(m));

@@ -88,6 +88,7 @@ template <class T>
 struct Frame {
   Vec3<T> s, t, n;
 
+  Frame() = default;
   PRIMRAY_INLINE explicit Frame(const Vec3<T>& normal) : n(normal) {
     using std::copysign;
     const T sign = copysign(T(1.0f), n.z);

@@ -81,47 +81,30 @@ PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<
   return select(m & !body, given, glow);
 }
 
-// Density per solid angle with which light sampling from `from`, on a surface with normal `n` and link row `link`, chooses the
-// point that a ray along unit `d` hit at `distance`; infinite if only light sampling may find it.
+// Density per solid angle with which light sampling, at the last surface that scattered the paths `p`, would have chosen the
+// point that their rays hit; infinite if only light sampling may find it.
 template <int W>
 PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
-                                     const vvec3<W>& from, const vvec3<W>& n, const vvec3<W>& d, vfloat<W> distance,
-                                     vint<W> link) {
-  const vfloat<W> none(0.0f);
+                                     const PathLanes<W>& p) {
+  const vfloat<W> none(0.0f), distance = h.t + p.travelled;
+  const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
   const vint<W> light = emitter_light(scene, m, h, it);
   m &= light >= vint<W>(0);
   if (!any(m)) return none;
   const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
   const vbool<W> sphere = m & is_type(row.type(), LightType::kSphere), mesh = m & is_type(row.type(), LightType::kMesh);
   vfloat<W> pdf = none;
-  if (any(mesh)) pdf = select(mesh, mesh_pdf(scene, mesh, row, it.triangle, from, n, d, distance, h.time), pdf);
-  if (any(sphere)) pdf = select(sphere, sphere_pdf(scene, sphere, row, light, from, d, h.time), pdf);
+  if (any(mesh)) pdf = select(mesh, mesh_pdf(scene, mesh, row, it.triangle, from, p.normal, p.ray.d, distance, h.time), pdf);
+  if (any(sphere)) pdf = select(sphere, sphere_pdf(scene, sphere, row, light, from, p.ray.d, h.time), pdf);
   const LightTable& lights = scene.lights;
-  const vfloat<W> chosen =
-      lights.links.any() ? linked_probability_of(lights, light, m, from, n, link) : probability_of(lights, light, m, from, n);
+  const vfloat<W> chosen = lights.links.any() ? linked_probability_of(lights, light, m, from, p.normal, p.link)
+                                              : probability_of(lights, light, m, from, p.normal);
   pdf = pdf * chosen;
   if (lights.has_special()) {
     const vbool<W> special = (row.flags() & vint<W>(kSpecial)) != vint<W>(0);
     pdf = select(special & (pdf > none), vfloat<W>(kInfinity), pdf);
   }
   return select(m, pdf, none);
-}
-
-// Radiance of the surfaces that lanes `hit` hit, with its MIS weight.
-template <int W>
-PRIMRAY_INLINE vvec3<W> emitted(const Scene& scene, vbool<W> hit, const Hits<W>& hits, const Interaction<W>& it,
-                                const SurfaceRows<W>& rows, const PathLanes<W>& p) {
-  const vfloat<W> zero(0.0f);
-  vvec3<W> L = rows.color(kEmission) * rows(kPresence);
-  if (scene.geometry_lights.any()) L = shown_emission(scene, hit, hits, it, p, L, rows(kPresence));
-  // A camera ray, or one after a mirror or refraction, could not have been a light sample.
-  const vbool<W> sampled = hit & (max_component(L) > zero) & (p.bsdf_pdf > zero);
-  if (scene.emitters.any() && any(sampled)) {
-    const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
-    const vfloat<W> pdf = emitter_pdf(scene, sampled, hits, it, from, p.normal, p.ray.d, hits.t + p.travelled, p.link);
-    L *= select(sampled & (pdf > zero), mis_weight(p.bsdf_pdf, pdf), vfloat<W>(1.0f));
-  }
-  return L;
 }
 
 }  // namespace primray

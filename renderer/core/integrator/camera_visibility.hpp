@@ -1,0 +1,79 @@
+// What the camera sees straight ahead: alpha of samples that escape through surfaces, gaps, surfaces hidden from camera rays,
+// and mattes (holdouts).
+//
+// Alpha of a sample is 1 once its camera ray hits something, minus the part that escapes straight through it
+// (integrator/tile_task.hpp).
+#pragma once
+
+#include "integrator/vertex.hpp"
+
+namespace primray {
+
+// Samples that escape through transparent surfaces do not contribute to alpha.
+template <int W>
+PRIMRAY_RARE void reduce_alpha(Round& round, vbool<W> escaped, const PathLanes<W>& p) {
+  for (uint32_t b = bits(escaped); b; b &= b - 1) {
+    const int k = __builtin_ctz(b);
+    round.worker.a[p.slot[k]] -= (p.beta.x[k] + p.beta.y[k] + p.beta.z[k]) * (1.0f / 3);
+  }
+}
+
+// Removes from alpha samples that escape straight: those that passed only gaps, and those that see no light (`nothing`).
+template <int W>
+PRIMRAY_RARE void reduce_alpha_of_escaped(Round& round, vbool<W> escaped, vbool<W> nothing, const PathLanes<W>& p) {
+  const uint32_t unlit = bits(nothing);
+  for (uint32_t b = bits(escaped); b; b &= b - 1) {
+    const int k = __builtin_ctz(b);
+    float& a = round.worker.a[p.slot[k]];
+    if (a >= kThroughGaps || (unlit >> k & 1)) a -= (p.beta.x[k] + p.beta.y[k] + p.beta.z[k]) * (1.0f / 3);
+  }
+}
+
+// Marks the samples of camera rays that pass only gaps: surfaces that are not present, or hidden from the camera
+// (integrator/tile_task.hpp).
+template <int W>
+PRIMRAY_RARE void mark_gaps(Round& round, vbool<W> gaps, const PathLanes<W>& p) {
+  for (uint32_t b = bits(gaps & (p.vertex == vint<W>(0))); b; b &= b - 1) {
+    float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
+    if (a < kThroughGaps) a += kGapMark;
+  }
+}
+
+// Updates the gap marks of camera rays that pass straight through `v`: set for a gap, cleared for a transmissive surface.
+template <int W, class Lobes>
+PRIMRAY_RARE void update_gap_marks(Round& round, vbool<W> straight, const Vertex<W, Lobes>& v, const BsdfSample<W>& s,
+                                   const PathLanes<W>& p) {
+  if constexpr (requires { v.bsdf.presence; }) {
+    const vfloat<W> one(1.0f);
+    const vbool<W> gap = straight & (v.bsdf.presence < one) & (s.weight.x == one) & (s.weight.y == one) & (s.weight.z == one);
+    mark_gaps(round, gap, p);
+    for (uint32_t b = bits(straight & !gap); b; b &= b - 1) {
+      float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
+      if (a >= kThroughGaps) a -= kGapMark;
+    }
+  }
+}
+
+// Handles surfaces hidden from camera rays and mattes: paths of lanes `hit` pass hidden surfaces straight; a matte covers
+// nothing of its pixel, and its paths end. Removes both from `hit`. `at`: position of the paths in the pool.
+template <int W>
+PRIMRAY_RARE void apply_camera_visibility(Round& round, int at, const PathLanes<W>& p, const SurfaceHit<W>& surface,
+                                          vbool<W>& hit) {
+  const CameraSights& sights = round.scene.camera_sights;
+  const vbool<W> looks = hit & (p.depth == vint<W>(0));
+  if (const vbool<W> matte = sights.are(CameraSight::kMatte, looks, surface.it.surface); any(matte)) {
+    reduce_alpha(round, matte, p);
+    hit &= !matte;
+    if (PathLog* const log = path_log<W>(round)) log->end(p, "a matte ends it");
+  }
+  const vbool<W> hidden = sights.are(CameraSight::kHidden, looks, surface.it.surface);
+  if (!any(hidden)) return;
+  hit &= !hidden;
+  if (PathLog* const log = path_log<W>(round)) log->add("pass", p).why = "the surface is hidden from the camera";
+  mark_gaps(round, hidden, p);
+  if (!round.follows_media()) return continue_straight(round, hidden, p, surface);
+  const MediumState<W> inside = round.worker.inside->pool->template at<W>(at);
+  continue_straight(round, hidden, p, surface, &inside);
+}
+
+}  // namespace primray

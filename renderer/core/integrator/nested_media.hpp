@@ -1,0 +1,107 @@
+// Shading of surfaces in scenes with media: boundaries of nested dielectrics (medium/medium_stack.hpp), and opaque surfaces
+// below which light walks (subsurface scattering).
+#pragma once
+
+#include "integrator/shade_surface.hpp"
+
+namespace primray {
+
+// Mean free paths below a surface shorter than kLeastOffsets of its ray offsets are treated as zero: light leaves where it
+// entered. Channels with a shorter one than kLeastSteps offsets are raised to that.
+constexpr float kLeastOffsets = 64, kLeastSteps = 8;
+
+// White Lambert lobes through which light leaves a subsurface medium.
+template <int W>
+struct WhiteLobes : Bsdf<W> {
+  static constexpr bool kFollowsMedia = true;
+  using Bsdf<W>::Bsdf;
+};
+
+// Exit of a subsurface random walk: lights are sampled and paths continue as from a white Lambert surface.
+template <int W>
+PRIMRAY_RARE void exit_subsurface(Round& round, vbool<W> lanes, const PathLanes<W>& p, SurfaceHit<W> surface,
+                                  const MediumState<W>& inside) {
+  static const std::vector<float> white = [] {
+    SurfaceTable table;
+    SurfaceInput lambert;
+    lambert.diffuse_color = vec3(1.0f);
+    table.add(lambert);
+    return table.rows;
+  }();
+  const Crossing<W> crossing{{inside.stack, {}, {}}, Boundary<W>(inside.stack), {}};
+  // Treat the path as if it had arrived from outside, along the normal.
+  const vvec3<W> n = surface.it.ns;
+  surface.rows = SurfaceRows<W>(white.data(), vint<W>(0), nullptr);
+  surface.it.color = vvec3<W>(vfloat<W>(1.0f));
+  surface.front = vbool<W>(true), surface.ng = surface.it.ng, surface.frame = Frame<vfloat<W>>(n);
+  PathLanes<W> outside = p;
+  outside.ray.d = -n;
+  shade_surface<WhiteLobes<W>>(round, lanes, outside, surface, &crossing);
+}
+
+// Medium below opaque surfaces of lanes `deep`, which OpenPBR's rows describe. `enterable`: lanes that light may enter.
+template <int W>
+struct SubsurfaceMedium {
+  Medium<W> medium;
+  vbool<W> enterable;
+
+  PRIMRAY_INLINE SubsurfaceMedium(const Scene& scene, vbool<W> deep, const OpenPbrRows<W>& row, vfloat<W> offset)
+      : enterable(deep) {
+    using F = vfloat<W>;
+    using V = vvec3<W>;
+    if (!any(deep)) return;
+    // Shorter steps would be lost in the rounding of their start.
+    const F most = 1.0f / (kLeastSteps * max(offset, 1e-30f));
+    const V extinction = row.color(kOpenSubsurfaceExtinction) * scene.interiors.per_length;
+    const V capped{min(extinction.x, most), min(extinction.y, most), min(extinction.z, most)};
+    medium.extinction = select(deep, capped, V(F(0.0f)));
+    medium.scattering = medium.extinction * row.color(kOpenSubsurfaceAlbedo);
+    medium.phase = row(kOpenSubsurfacePhase);
+    enterable &= min(min(extinction.x, extinction.y), extinction.z) * offset * kLeastOffsets < F(1.0f);
+  }
+};
+
+// Shades hits in scenes with media, for the paths from `at` on in the pool; `hit` are the lanes that hit a surface.
+template <int W>
+PRIMRAY_RARE void shade_in_media(Round& round, int at, vbool<W> hit, vbool<W> scatters, PathLanes<W> p,
+                                 SurfaceHit<W>& surface) {
+  using F = vfloat<W>;
+  const Scene& scene = round.scene;
+  const SurfaceRows<W>& rows = surface.rows;
+  const Interaction<W>& it = surface.it;
+  MediumState<W> inside = round.worker.inside->pool->template at<W>(at);
+
+  // Find the surfaces that bound a subsurface medium, and the paths that leave it
+  const vbool<W> is_open = hit & ((truncate(rows(kFlags)) & vint<W>(kOpenPbr)) != vint<W>(0));
+  const OpenPbrRows<W> row{rows.open_pbr, select(is_open, truncate(rows(kOpenPbrRow)), vint<W>(0)) * vint<W>(kOpenPbrFields)};
+  const vbool<W> deep = is_open & (row(kOpenSubsurface) > F(0.0f)), in_subsurface = inside.in_subsurface();
+  const vbool<W> leaves = deep & in_subsurface & !surface.front & (p.depth < vint<W>(round.settings.max_depth));
+  // A random walk that hits a front face has left unnoticed.
+  scatters &= !(in_subsurface & deep);
+
+  // Find the media on both sides of the boundary
+  const SubsurfaceMedium<W> below(scene, deep, row, it.offset);
+  const Crossing<W> crossing{inside, Boundary<W>(scene, scatters, inside.stack, it.surface, surface.front), below.medium};
+  const Boundary<W>& b = crossing.boundary;
+  if (const vbool<W> m = b.missed & !in_subsurface & (inside.stack.top() < vint<W>(0)); any(m))
+    p.beta = select(m, p.beta * medium_of(scene, b.here).transmittance(surface.hits.t + inside.lead), p.beta);
+
+  // Shade by kind of boundary
+  align_tangent(rows, scatters, surface.frame);
+  const bool hairy = !scene.surfaces.hair.empty();
+  if (hairy) align_fibre(rows, scatters & it.on_curve, it.tangent, surface.frame);
+  const vbool<W> kinds[3] = {leaves, b.overridden, scatters & !b.overridden};
+  for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
+    if (kind == 0) return exit_subsurface(round, lanes, p, surface, inside);
+    if (kind == 1) {
+      if (PathLog* const log = path_log<W>(round))
+        log->add("pass", p).why = "a medium of higher priority overrides the boundary";
+      const MediumState<W> beyond{b.beyond, inside.subsurface, lead_of(it.offset, surface.ng, p.ray.d)};
+      return continue_straight(round, lanes, p, surface, &beyond);
+    }
+    if (hairy) return shade_surface<BsdfWithHair<W>>(round, lanes, p, surface, &crossing, b.beside, below.enterable);
+    shade_surface<BsdfWithOpenPbr<W>>(round, lanes, p, surface, &crossing, b.beside, below.enterable);
+  });
+}
+
+}  // namespace primray
