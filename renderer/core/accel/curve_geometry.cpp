@@ -87,12 +87,12 @@ void bounds(const rtc::BoundsArguments* args) {
   *args->bounds = {lo[0], lo[1], lo[2], 0, hi[0], hi[1], hi[2], 0};
 }
 
-struct Met {
+struct EndHit {
   double t;
   dvec3 offset;  // from the centre, in parts of the radius
 };
 
-bool meet_disc(const PlacedEnd& e, const dvec3& o, const dvec3& d, double tnear, double tfar, Met& met) {
+bool intersect_disc(const PlacedEnd& e, const dvec3& o, const dvec3& d, double tnear, double tfar, EndHit& hit) {
   const dvec3 n = outwards(e);
   const double cosine = dot(d, n);
   if (cosine == 0) return false;
@@ -101,11 +101,11 @@ bool meet_disc(const PlacedEnd& e, const dvec3& o, const dvec3& d, double tnear,
   dvec3 h = o + d * t - e.p;
   h = h - n * dot(h, n);
   if (!(dot(h, h) <= e.r * e.r)) return false;
-  met = {t, h * (1 / e.r)};
+  hit = {t, h * (1 / e.r)};
   return true;
 }
 
-bool meet_wedge(const PlacedEnd& e, const dvec3& o, const dvec3& d, double tnear, double tfar, Met& met) {
+bool intersect_wedge(const PlacedEnd& e, const dvec3& o, const dvec3& d, double tnear, double tfar, EndHit& hit) {
   const double dd = dot(d, d), middle = dot(e.p - o, d) / dd;
   const dvec3 closest = o + d * middle - e.p;
   const double left = e.r * e.r - dot(closest, closest);
@@ -115,18 +115,18 @@ bool meet_wedge(const PlacedEnd& e, const dvec3& o, const dvec3& d, double tnear
     if (!(t > tnear && t < tfar)) continue;
     const dvec3 h = o + d * t - e.p;
     if (dot(h, e.before) < 0 || dot(h, e.after) > 0) continue;
-    met = {t, h * (1 / std::sqrt(dot(h, h)))};
+    hit = {t, h * (1 / std::sqrt(dot(h, h)))};
     return true;
   }
   return false;
 }
 
-bool meet(const TubeEnds& ends, uint32_t number, const float* ray, uint32_t n, uint32_t i, Met& met) {
+bool intersect_end(const TubeEnds& ends, uint32_t number, const float* ray, uint32_t n, uint32_t i, EndHit& hit) {
   const auto field = [&](int f) { return double(ray[f * n + i]); };
   const PlacedEnd e = place(ends, number, ray[7 * n + i]);
   if (!(e.r > 0)) return false;
   const dvec3 o{field(0), field(1), field(2)}, d{field(4), field(5), field(6)};
-  return (e.kind == CurveEndKind::kJoint ? meet_wedge : meet_disc)(e, o, d, field(3), field(8), met);
+  return (e.kind == CurveEndKind::kJoint ? intersect_wedge : intersect_disc)(e, o, d, field(3), field(8), hit);
 }
 
 bool is_gone(const TubeEnds& ends, uint32_t number, const rtc::RayQueryContext& context) {
@@ -138,11 +138,13 @@ void intersect(const rtc::IntersectArguments* args) {
   const uint32_t n = args->n;
   for (uint32_t i = 0; i < n; ++i) {
     float* ray = args->rayhit;
-    Met met;
-    if (!args->valid[i] || !meet(ends, args->prim_id, ray, n, i, met) || is_gone(ends, args->prim_id, *args->context)) continue;
-    ray[8 * n + i] = float(met.t);
+    EndHit found;
+    if (!args->valid[i] || !intersect_end(ends, args->prim_id, ray, n, i, found) ||
+        is_gone(ends, args->prim_id, *args->context))
+      continue;
+    ray[8 * n + i] = float(found.t);
     float* hit = ray + 12 * n;
-    hit[0 * n + i] = float(met.offset.x), hit[1 * n + i] = float(met.offset.y), hit[2 * n + i] = float(met.offset.z);
+    hit[0 * n + i] = float(found.offset.x), hit[1 * n + i] = float(found.offset.y), hit[2 * n + i] = float(found.offset.z);
     hit[3 * n + i] = hit[4 * n + i] = 0;
     uint32_t* ids = reinterpret_cast<uint32_t*>(hit);
     ids[5 * n + i] = args->prim_id, ids[6 * n + i] = args->geom_id;
@@ -153,8 +155,8 @@ void intersect(const rtc::IntersectArguments* args) {
 void occluded(const rtc::OccludedArguments* args) {
   const TubeEnds& ends = *static_cast<const TubeEnds*>(args->user);
   for (uint32_t i = 0; i < args->n; ++i) {
-    Met met;
-    if (args->valid[i] && meet(ends, args->prim_id, args->ray, args->n, i, met) &&
+    EndHit found;
+    if (args->valid[i] && intersect_end(ends, args->prim_id, args->ray, args->n, i, found) &&
         !is_gone(ends, args->prim_id, *args->context))
       args->ray[8 * args->n + i] = -INFINITY;
   }

@@ -92,12 +92,12 @@ struct SurfaceValues : VaryingInputs<vvec3<W>, vfloat<W>> {
   PRIMRAY_INLINE void set(InputField field, const vvec3<W>& x) {
     for_each_input([&](InputField own, const char*, InputRange range, auto member) {
       if (own != field) return;
-      const auto kept = [&](vfloat<W> c) { return clamp(c, range.low, range.high); };
+      const auto clamped = [&](vfloat<W> c) { return clamp(c, range.low, range.high); };
       auto& value = member(*this);
       if constexpr (std::is_same_v<decltype(value), vvec3<W>&>)
-        value = {kept(x.x), kept(x.y), kept(x.z)};
+        value = {clamped(x.x), clamped(x.y), clamped(x.z)};
       else
-        value = kept(x.x);
+        value = clamped(x.x);
     });
   }
 };
@@ -184,9 +184,12 @@ PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& 
   for (int field = kDiffuse; field < kEmission; ++field) row[field] = F(0.0f);
   row[kFlags] =
       F(float(kPreview | kHair | kThin)) + select(max_component(v.emissive_color) > F(0.0f), F(float(kEmits)), F(0.0f));
-  const auto kept = [](F absorption, F tint) { return tint * exp2_negative<W>(min(absorption, 80.0f) * -2.26618007f); };
-  row[kDiffuse] = kept(hair.absorption.x, hair.tint_tt.x), row[kDiffuse + 1] = kept(hair.absorption.y, hair.tint_tt.y);
-  row[kDiffuse + 2] = kept(hair.absorption.z, hair.tint_tt.z);
+  const auto transmittance = [](F absorption, F tint) {
+    return tint * exp2_negative<W>(min(absorption, 80.0f) * -2.26618007f);
+  };
+  row[kDiffuse] = transmittance(hair.absorption.x, hair.tint_tt.x);
+  row[kDiffuse + 1] = transmittance(hair.absorption.y, hair.tint_tt.y);
+  row[kDiffuse + 2] = transmittance(hair.absorption.z, hair.tint_tt.z);
   row[kAlpha] = row[kRoughness] = F(1.0f);
   row[kTransmission] = row[kClearcoat] = F(0.0f);
   row[kOpenPbrRow] = at;

@@ -157,7 +157,7 @@ class SceneBuilder {
   bool levels_measured_ = false;
   // Reopened scene.
   bool is_reopened_ = false, keeps_accel_ = false;
-  int textures_met_ = 0;
+  int next_texture_ = 0;
   int32_t link_row_ = 0;
 };
 

@@ -75,7 +75,7 @@ void SceneBuilder::add_placement_primvar(int name, int width, std::span<const fl
 }
 
 int SceneBuilder::add_texture(int channels, bool udim, bool finest_only) {
-  if (is_reopened_) return textures_met_++;
+  if (is_reopened_) return next_texture_++;
   Texture t;
   t.channels = channels, t.udim = udim, t.finest_only = finest_only;
   scene_->textures.push_back(std::move(t));

@@ -56,10 +56,10 @@ class FewLanes {
   PRIMRAY_INLINE FewLanes(const FewTriangles& few, const Rays<W>& rays)
       : few_(few), o_(rays.o), d_(rays.d), tnear_(rays.tnear) {}
 
-  // Calls `met(triangle, lanes, t, sides)` for every triangle that some lanes pass through, at t; `far()` is the current
+  // Calls `on_hit(triangle, lanes, t, sides)` for every triangle that some lanes pass through, at t; `far()` is the current
   // distance limit, and `left()` the lanes that are still tested.
-  template <class Far, class Left, class Met>
-  PRIMRAY_INLINE void visit(const Far& far, const Left& left, const Met& met) const {
+  template <class Far, class Left, class OnHit>
+  PRIMRAY_INLINE void visit(const Far& far, const Left& left, const OnHit& on_hit) const {
     alignas(64) float side[3 * FewTriangles::kMostInRun][W];
     // Copies that nothing can alias stay in registers.
     const vvec3<W> o = o_, d = d_, per_d{inverse(d.x), inverse(d.y), inverse(d.z)};
@@ -86,7 +86,7 @@ class FewLanes {
           by[k] = bit_cast<vfloat<W>>(bit_cast<vint<W>>(load<W>(side[triangle->edge[k]])) ^ vint<W>(triangle->turned[k]));
         const vfloat<W> det = sum_of(d, triangle->normal), slack = abs(det) * kEdgeTolerance;
         const vbool<W> inside = here & ((min(min(by[0], by[1]), by[2]) >= -slack) | (max(max(by[0], by[1]), by[2]) <= slack));
-        if (any(inside)) met(*triangle, inside, sum_of(constant(triangle->point) - o, triangle->normal) / det, by);
+        if (any(inside)) on_hit(*triangle, inside, sum_of(constant(triangle->point) - o, triangle->normal) / det, by);
       }
     }
   }

@@ -150,12 +150,12 @@ class Interleaved {
         _mm512_min_ps(_mm512_min_ps(distances(0), distances(1)), _mm512_min_ps(distances(2), _mm512_load_ps(s.ends)));
     const __m256 entry = _mm512_castps512_ps256(ends);
     const __m256 inside = _mm256_fmadd_ps(upper_half(ends), _mm256_set1_ps(kFarRounding), entry);
-    const __mmask8 met = _mm256_cmp_ps_mask(inside, _mm256_setzero_ps(), _CMP_GE_OQ);
+    const __mmask8 hit = _mm256_cmp_ps_mask(inside, _mm256_setzero_ps(), _CMP_GE_OQ);
     const __m256i children = _mm256_permutevar8x32_epi32(_mm256_load_si256(reinterpret_cast<const __m256i*>(node.child)),
                                                          _mm512_castsi512_si256(order(0)));
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(s.stack + s.depth), _mm256_maskz_compress_epi32(met, children));
-    if (!kAny) _mm256_storeu_ps(s.entry + s.depth, _mm256_maskz_compress_ps(met, entry));
-    s.depth += uint32_t(__builtin_popcount(met)) - 1;
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(s.stack + s.depth), _mm256_maskz_compress_epi32(hit, children));
+    if (!kAny) _mm256_storeu_ps(s.entry + s.depth, _mm256_maskz_compress_ps(hit, entry));
+    s.depth += uint32_t(__builtin_popcount(hit)) - 1;
     go_to(s, s.stack[s.depth]);
   }
 
@@ -175,16 +175,16 @@ class Interleaved {
     s.depth = kept;
   }
 
-  // Chooses among the triangles `met` and the previous hit: at equal distance the lowest index, so that the layout, which
+  // Chooses among the triangles `hit` and the previous hit: at equal distance the lowest index, so that the layout, which
   // depends on the builder's threads, does not change the result.
-  static void take_nearest(RayState& s, const Bvh::Leaf& leaf, uint32_t met, __m256 t, __m256 p, __m256 q, __m256 r) {
+  static void take_nearest(RayState& s, const Bvh::Leaf& leaf, uint32_t hit, __m256 t, __m256 p, __m256 q, __m256 r) {
     alignas(32) float ts[8], weights[3][8];
     _mm256_store_ps(ts, t), _mm256_store_ps(weights[0], p), _mm256_store_ps(weights[1], q), _mm256_store_ps(weights[2], r);
     float nearest = s.tfar;
     int32_t number = s.prim;
     int best = -1;
-    for (; met; met &= met - 1) {
-      const int i = __builtin_ctz(met);
+    for (; hit; hit &= hit - 1) {
+      const int i = __builtin_ctz(hit);
       const int32_t n = int32_t(leaf.first[i % Bvh::kLeafPairs]) + i / Bvh::kLeafPairs;
       if (ts[i] < nearest || (ts[i] == nearest && n < number)) nearest = ts[i], number = n, best = i;
     }
@@ -226,17 +226,17 @@ class Interleaved {
     const __m256 nearest = _mm256_min_ps(_mm256_min_ps(zp, zq), zr), farthest = _mm256_max_ps(_mm256_max_ps(zp, zq), zr);
     const __m256 depth = _mm256_min_ps(_mm256_max_ps(_mm256_div_ps(weighed, sum), nearest), farthest);
     const __m256 t = _mm256_mul_ps(depth, _mm256_set1_ps(s.per_z));
-    __mmask8 met = __mmask8((left | right) & leaf.there);
-    met = _mm256_mask_cmp_ps_mask(met, sum, zero, _CMP_NEQ_OQ);
-    met = _mm256_mask_cmp_ps_mask(met, t, _mm256_set1_ps(s.tnear), _CMP_GT_OQ);
+    __mmask8 hit = __mmask8((left | right) & leaf.there);
+    hit = _mm256_mask_cmp_ps_mask(hit, sum, zero, _CMP_NEQ_OQ);
+    hit = _mm256_mask_cmp_ps_mask(hit, t, _mm256_set1_ps(s.tnear), _CMP_GT_OQ);
     const __m256 far = _mm256_set1_ps(s.tfar);
     if (kAny) {
-      met = _mm256_mask_cmp_ps_mask(met, t, far, _CMP_LT_OQ);
-      s.prim = met ? 0 : -1;
-      return go_to(s, s.stack[s.depth = met ? 0 : s.depth - 1]);
+      hit = _mm256_mask_cmp_ps_mask(hit, t, far, _CMP_LT_OQ);
+      s.prim = hit ? 0 : -1;
+      return go_to(s, s.stack[s.depth = hit ? 0 : s.depth - 1]);
     }
-    met = _mm256_mask_cmp_ps_mask(met, t, far, _CMP_LE_OQ);
-    if (met) take_nearest(s, leaf, met, t, p, q, r);
+    hit = _mm256_mask_cmp_ps_mask(hit, t, far, _CMP_LE_OQ);
+    if (hit) take_nearest(s, leaf, hit, t, p, q, r);
     go_to(s, s.stack[--s.depth]);
   }
 

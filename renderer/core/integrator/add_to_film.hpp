@@ -48,8 +48,8 @@ inline void clamp_indirect(Worker& w, int slots, float most) {
     if (largest == 0) continue;
     const float factor = largest > most ? most / largest : 1.0f;
     for (float* const color : colors) {
-      const float kept = color[indirect] * factor;
-      color[s] += kept, color[indirect] -= kept;
+      const float clamped = color[indirect] * factor;
+      color[s] += clamped, color[indirect] -= clamped;
     }
     if (!w.lpe) continue;
     for (int k = 0; k < int(w.lpe->tables.members.size()); ++k)
@@ -62,17 +62,18 @@ inline void clamp_indirect(Worker& w, int slots, float most) {
 
 // Compacts the finite ones of samples [slot, slot + count) to the front and returns how many there are.
 inline int drop_invalid(Worker& w, int slot, int count, const Film& film) {
-  int kept = slot;
+  int valid = slot;
   for (int s = slot; s < slot + count; ++s) {
     if (!std::isfinite(w.r[s]) || !std::isfinite(w.g[s]) || !std::isfinite(w.b[s])) continue;
-    w.r[kept] = w.r[s], w.g[kept] = w.g[s], w.b[kept] = w.b[s], w.a[kept] = w.a[s];
+    w.r[valid] = w.r[s], w.g[valid] = w.g[s], w.b[valid] = w.b[s], w.a[valid] = w.a[s];
     if (film.removed[kClamped].any())
-      for (float* const color : {w.r, w.g, w.b}) color[Worker::kSlots + kept] = color[Worker::kSlots + s];
+      for (float* const color : {w.r, w.g, w.b}) color[Worker::kSlots + valid] = color[Worker::kSlots + s];
     if (film.removed[kCaustics].any())
-      for (size_t c = 0; c < 3; ++c) w.caustics[c * Worker::kSlots + size_t(kept)] = w.caustics[c * Worker::kSlots + size_t(s)];
-    ++kept;
+      for (size_t c = 0; c < 3; ++c)
+        w.caustics[c * Worker::kSlots + size_t(valid)] = w.caustics[c * Worker::kSlots + size_t(s)];
+    ++valid;
   }
-  return kept - slot;
+  return valid - slot;
 }
 
 // Adds the contributions of samples [slot, slot + count) of pixel `p` to the light path expressions that they match. Each
@@ -137,7 +138,7 @@ inline void add_to_film(const TileBlock& block, Worker& w, int pixels, int sampl
     for (int replicate = 0; replicate < kReplicates; slot += block.count[replicate++]) {
       const size_t p = film.at(replicate, block.film_x + w.pixel_x[i], block.film_y + w.pixel_y[i]);
       if (film.expressions > 0) add_lpe_light(*w.lpe, w, slot, block.count[replicate], p, film);
-      const int asked = block.count[replicate], valid = drop_invalid(w, slot, asked, film);
+      const int taken = block.count[replicate], valid = drop_invalid(w, slot, taken, film);
       if (valid > 0) {
         film.add(p, 0, exact_sum(w.r + slot, valid)), film.add(p, 1, exact_sum(w.g + slot, valid));
         film.add(p, 2, exact_sum(w.b + slot, valid));
@@ -146,7 +147,7 @@ inline void add_to_film(const TileBlock& block, Worker& w, int pixels, int sampl
       if (film.removed[kCaustics].any() && valid > 0) add_removed(film.removed[kCaustics], p, caustics, slot, valid);
       film.counts[p] += uint32_t(valid);
       for (int s = slot; s < slot + valid; ++s) film.covered[p] += int64_t(finished_coverage(w.a[s]) * float(Film::kCovered));
-      invalid += asked - valid;
+      invalid += taken - valid;
     }
   }
   for (int r = 0; r < kReplicates; ++r) film.next[size_t(r) * film.tiles() + tile] += uint32_t(block.count[r]);

@@ -82,10 +82,10 @@ PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
 }
 
 template <int W>
-PRIMRAY_RARE void put_camera_media(Round& round, int at, const Compaction<W>& kept) {
-  MediumState<W> inside;
-  for (int k = 0; k < kMaxNestedMedia; ++k) inside.stack.surfaces[k] = vint<W>(round.scene.interiors.camera[k]);
-  round.worker.inside->pool->put(at, kept, inside);
+PRIMRAY_RARE void put_camera_media(Round& round, int at, const Compaction<W>& c) {
+  MediumState<W> state;
+  for (int k = 0; k < kMaxNestedMedia; ++k) state.stack.surfaces[k] = vint<W>(round.scene.interiors.camera[k]);
+  round.worker.medium_states->pool->put(at, c, state);
 }
 
 template <int W>
@@ -101,9 +101,9 @@ void refill(Round& round, int slots) {
     // Samples outside the lens's image circle stay black.
     if (round.scene.camera.distortion) starts &= paths.ray.tfar >= vfloat<W>(0.0f);
     if (PathLog* const log = path_log<W>(round); log && !any(starts)) log->end(paths, "outside the lens's image circle");
-    const Compaction<W> kept(starts);
-    if (round.follows_media()) put_camera_media(round, pool.count, kept);
-    pool.append(kept, paths, round.needs);
+    const Compaction<W> c(starts);
+    if (round.follows_media()) put_camera_media(round, pool.count, c);
+    pool.append(c, paths, round.needs);
     round.next_slot += n;
   }
   round.worker.camera_rays += pool.count - round.first_camera;

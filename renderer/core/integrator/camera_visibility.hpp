@@ -72,8 +72,8 @@ PRIMRAY_RARE void apply_camera_visibility(Round& round, int at, const PathLanes<
   if (PathLog* const log = path_log<W>(round)) log->add("pass", p).why = "the surface is hidden from the camera";
   mark_gaps(round, hidden, p);
   if (!round.follows_media()) return continue_straight(round, hidden, p, surface);
-  const MediumState<W> inside = round.worker.inside->pool->template at<W>(at);
-  continue_straight(round, hidden, p, surface, &inside);
+  const MediumState<W> state = round.worker.medium_states->pool->template at<W>(at);
+  continue_straight(round, hidden, p, surface, &state);
 }
 
 }  // namespace primray

@@ -48,10 +48,11 @@ PRIMRAY_INLINE vfloat<W> hit_test_distance(vfloat<W> bsdf_pdf) {
 
 // Returns the lanes of `m` whose rays, ignoring occlusion, could hit a light.
 template <int W>
-PRIMRAY_RARE vbool<W> may_hit_light(const LightHierarchy& met, vbool<W> m, const vvec3<W>& o, const vvec3<W>& d,
+PRIMRAY_RARE vbool<W> may_hit_light(const LightHierarchy& hierarchy, vbool<W> m, const vvec3<W>& o, const vvec3<W>& d,
                                     vfloat<W> bsdf_pdf) {
   vbool<W> found(false);
-  visit_lights(met, m, o, d, vfloat<W>(kInfinity), hit_test_distance(bsdf_pdf), [&](int, vbool<W> lanes) { found |= lanes; });
+  visit_lights(hierarchy, m, o, d, vfloat<W>(kInfinity), hit_test_distance(bsdf_pdf),
+               [&](int, vbool<W> lanes) { found |= lanes; });
   return found;
 }
 
@@ -98,20 +99,20 @@ PRIMRAY_RARE vvec3<W> to_row(const LightTable& lights, size_t path, const Rays<W
 template <int W>
 PRIMRAY_RARE LocalHit<W> moving_light_hit(const LightTable& lights, int i, size_t path, const vvec3<W>& from,
                                           const Rays<W>& ray, vvec3<W>& L) {
-  const LightPoses<W> stances = poses_of(lights.motion.paths[path], ray.time);
-  return light_hit<W>(lights, i, stances.point_to_row(from), stances.vector_to_row(ray.d), L);
+  const LightPoses<W> poses = poses_of(lights.motion.paths[path], ray.time);
+  return light_hit<W>(lights, i, poses.point_to_row(from), poses.vector_to_row(ray.d), L);
 }
 
 // Default listener of intersect_lights(): ignores every light.
 struct NoListener {};
 
 // Adds the radiance of area and distant lights that the rays hit to `gathered`, attenuated by `medium` if there is one; the
-// path in the medium begins `lead` before the ray's origin. `listener` receives the contribution of each light, and at the end
-// those of bodies.
+// path in the medium begins `origin_distance` before the ray's origin. `listener` receives the contribution of each light, and
+// at the end those of bodies.
 template <int W, class Listener = NoListener>
 PRIMRAY_INLINE LightHits<W> intersect_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p,
                                              vfloat<W> t_surface, vvec3<W>& gathered, const Medium<W>* medium = nullptr,
-                                             vfloat<W> lead = vfloat<W>(0.0f), const Listener& listener = {}) {
+                                             vfloat<W> origin_distance = vfloat<W>(0.0f), const Listener& listener = {}) {
   using F = vfloat<W>;
   constexpr bool kListens = !std::is_same_v<Listener, NoListener>;
   LightHits<W> seen;
@@ -124,7 +125,8 @@ PRIMRAY_INLINE LightHits<W> intersect_lights(const LightTable& lights, vbool<W> 
   F total(0.0f);
   bool has_total = false;
   vvec3<W> body = zero;
-  const auto meet = [&](int i, vbool<W> lanes) {
+  const auto add_light = [&](int i, vbool<W> lanes) {
+    // Intersect the light
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
     if (!can_be_hit(type)) return;
@@ -133,20 +135,24 @@ PRIMRAY_INLINE LightHits<W> intersect_lights(const LightTable& lights, vbool<W> 
     const LocalHit<W> h =
         path < 0 ? light_hit<W>(lights, i, from, p.ray.d, L) : moving_light_hit(lights, i, size_t(path), from, p.ray, L);
     const F t = h.t - p.travelled;
-    vbool<W> met = lanes & (h.pdf > F(0.0f));
+    vbool<W> hits_light = lanes & (h.pdf > F(0.0f));
     const int flags = int(row[kLightFlags]);
-    if (flags & kHidden) met &= !camera;
-    if (linked) met &= in_collection(lights.links, p.link, lights.light_link[i]);
+    if (flags & kHidden) hits_light &= !camera;
+    if (linked) hits_light &= in_collection(lights.links, p.link, lights.light_link[i]);
     if (type == LightType::kDistant) {
-      met = met & (!hit) & (!camera);
+      hits_light = hits_light & (!hit) & (!camera);
     } else {
-      met &= (t * kNearlyOne <= t_surface) & (t >= p.ray.tnear) & (t <= p.ray.tfar);
+      hits_light &= (t * kNearlyOne <= t_surface) & (t >= p.ray.tnear) & (t <= p.ray.tfar);
     }
-    if (!any(met)) return;
-    if (medium) L *= medium->transmittance(type == LightType::kDistant ? F(kInfinity) : t + lead);
+    if (!any(hits_light)) return;
+
+    // Compute its radiance along the rays
+    if (medium) L *= medium->transmittance(type == LightType::kDistant ? F(kInfinity) : t + origin_distance);
     L *= lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
     if (lights.has_shaping) L *= hit_shaping(lights, row, path < 0 ? p.ray.d : to_row(lights, size_t(path), p.ray));
-    const vbool<W> direct = met & sees_body & ((t < seen.nearest) | vbool<W>(type == LightType::kDistant));
+
+    // Add it where light sampling could not have found it; of bodies the nearest
+    const vbool<W> direct = hits_light & sees_body & ((t < seen.nearest) | vbool<W>(type == LightType::kDistant));
     if (type == LightType::kDistant) {
       gathered += select(direct, L, zero);
       if constexpr (kListens) listener.light(i, direct, L);
@@ -155,7 +161,9 @@ PRIMRAY_INLINE LightHits<W> intersect_lights(const LightTable& lights, vbool<W> 
       body = select(direct, L, body);
       seen.covered |= direct;
     }
-    vbool<W> scattered = met & !sees_body;
+
+    // Add it with its MIS weight elsewhere
+    vbool<W> scattered = hits_light & !sees_body;
     if (many) scattered &= !rarely_hit(lights, vint<W>(i), from, p.bsdf_pdf);
     if ((flags & kSpecial) || !any(scattered)) return;
     if ((weighed || linked) && !has_total) total = total_at(lights, from, p.link), has_total = true;
@@ -164,11 +172,13 @@ PRIMRAY_INLINE LightHits<W> intersect_lights(const LightTable& lights, vbool<W> 
     if constexpr (requires { listener.weighted(scattered, light_pdf); }) listener.weighted(scattered, light_pdf);
     if constexpr (kListens) listener.light(i, scattered, L * mis_weight(p.bsdf_pdf, light_pdf));
   };
+
+  // Visit all lights, or those near the rays
   if (!many) {
-    for (int i = 0; i < lights.analytic_count; ++i) meet(i, active);
+    for (int i = 0; i < lights.analytic_count; ++i) add_light(i, active);
   } else {
     visit_lights(lights.hierarchy, active, from, p.ray.d, min(t_surface, p.ray.tfar) + p.travelled,
-                 hit_test_distance(p.bsdf_pdf), meet);
+                 hit_test_distance(p.bsdf_pdf), add_light);
   }
   gathered += body;
   if constexpr (kListens) listener.bodies(seen, body);

@@ -24,10 +24,10 @@ PRIMRAY_INLINE vvec3<W> gather_emission(Round& round, vbool<W> active, vbool<W> 
   if constexpr (W == 1) {
     if (PathLog* const log = path_log<W>(round)) log_light_hits(*log, round, looks, p, hits, hit);
   }
-  const LightHits<W> lit = intersect_lights(lights, looks, hit, p, hits.t, gathered);
-  const vbool<W> covered = lit.covered;
+  const LightHits<W> light_hits = intersect_lights(lights, looks, hit, p, hits.t, gathered);
+  const vbool<W> covered = light_hits.covered;
   if (const vbool<W> camera = covered & (p.vertex == vint<W>(0)); round.outlined && any(camera))
-    gathered = select(is_outlined(round, camera, p.slot, lit.light), vvec3<W>(vfloat<W>(0.0f)), gathered);
+    gathered = select(is_outlined(round, camera, p.slot, light_hits.light), vvec3<W>(vfloat<W>(0.0f)), gathered);
   hit &= !covered;
 
   // Add the environment behind everything

@@ -14,9 +14,9 @@ PRIMRAY_INLINE void record_emission(LpeStore& store, vbool<W> m, vint<W> end, co
   const vfloat<W> zero(0.0f);
   const uint32_t lanes = bits(m & ((L.x != zero) | (L.y != zero) | (L.z != zero)));
   if (lanes == 0) return;
-  RecordedLight& met = store.met.emplace_back();
-  met.lanes = lanes, met.diffuse = factors.diffuse, met.specular = factors.specular;
-  for (int i = 0; i < W; ++i) met.end[i] = end[i], met.L[0][i] = L.x[i], met.L[1][i] = L.y[i], met.L[2][i] = L.z[i];
+  RecordedLight& light = store.recorded.emplace_back();
+  light.lanes = lanes, light.diffuse = factors.diffuse, light.specular = factors.specular;
+  for (int i = 0; i < W; ++i) light.end[i] = end[i], light.L[0][i] = L.x[i], light.L[1][i] = L.y[i], light.L[2][i] = L.z[i];
 }
 
 // Listener of intersect_lights() that records each light for light path expressions.
@@ -46,7 +46,7 @@ struct LpeListener {
 template <int W>
 struct ListenerMedium {
   const Medium<W>* medium = nullptr;
-  vfloat<W> lead{0.0f};
+  vfloat<W> origin_distance{0.0f};
 };
 
 // Records what gather_emission() is about to gather; `hit` are the lanes that hit a surface. Camera rays of pixels in which a
@@ -58,11 +58,12 @@ PRIMRAY_RARE void record_light_hits(Round& round, vbool<W> looks, const PathLane
   const LightTable& lights = round.scene.lights;
   const LpeListener<W> listener{lights, store};
   vvec3<W> gathered(vfloat<W>(0.0f));
-  const LightHits<W> met = intersect_lights(lights, looks, hit, p, hits.t, gathered, in.medium, in.lead, listener);
+  const LightHits<W> light_hits =
+      intersect_lights(lights, looks, hit, p, hits.t, gathered, in.medium, in.origin_distance, listener);
   if (in.medium) return;
-  if (const vbool<W> camera = met.covered & (p.vertex == vint<W>(0)); round.outlined && any(camera)) {
-    const uint32_t outlined = bits(is_outlined(round, camera, p.slot, met.light));
-    for (RecordedLight& light : store.met) light.lanes &= ~outlined;
+  if (const vbool<W> camera = light_hits.covered & (p.vertex == vint<W>(0)); round.outlined && any(camera)) {
+    const uint32_t outlined = bits(is_outlined(round, camera, p.slot, light_hits.light));
+    for (RecordedLight& light : store.recorded) light.lanes &= ~outlined;
   }
 }
 
@@ -96,15 +97,15 @@ PRIMRAY_RARE void add_recorded(Round& round, const PathLanes<W>& p, const vvec3<
   LpeStore& store = *round.worker.lpe;
   const vint<W> sum = sum_of(round, p.slot, p.depth);
   for (int i = 0; i < W; ++i)
-    for (const RecordedLight& met : store.met) {
-      if (!(met.lanes >> i & 1)) continue;
+    for (const RecordedLight& light : store.recorded) {
+      if (!(light.lanes >> i & 1)) continue;
       const float share[3] = {p.diffuse_share.x[i], p.diffuse_share.y[i], p.diffuse_share.z[i]};
-      LpeLight r{p.lpe_diffuse[i], p.lpe_other[i], same_ends(met.end[i]), {}};
-      for (int c = 0; c < 3; ++c) r.share[c] = share_of(share[c] * met.diffuse, (1 - share[c]) * met.specular);
-      store.add(sum[i], 0, r, weight.x[i] * met.L[0][i]), store.add(sum[i], 1, r, weight.y[i] * met.L[1][i]);
-      store.add(sum[i], 2, r, weight.z[i] * met.L[2][i]);
+      LpeLight r{p.lpe_diffuse[i], p.lpe_other[i], same_ends(light.end[i]), {}};
+      for (int c = 0; c < 3; ++c) r.share[c] = share_of(share[c] * light.diffuse, (1 - share[c]) * light.specular);
+      store.add(sum[i], 0, r, weight.x[i] * light.L[0][i]), store.add(sum[i], 1, r, weight.y[i] * light.L[1][i]);
+      store.add(sum[i], 2, r, weight.z[i] * light.L[2][i]);
     }
-  store.met.clear();
+  store.recorded.clear();
 }
 
 // Stores the light path states of light samples that are about to be queued; lanes `special` go to the queue of special
@@ -140,13 +141,13 @@ PRIMRAY_RARE void put_sky_lpe_states(Round& round, vbool<W> m, const PathLanes<W
     LpeLight r{n.lpe_diffuse[i], n.lpe_other[i], 0, {}};
     for (int c = 0; c < 3; ++c) {
       float sum = 0;
-      for (const RecordedLight& met : store.met) sum += met.lanes >> i & 1 ? met.L[c][i] : 0.0f;
+      for (const RecordedLight& light : store.recorded) sum += light.lanes >> i & 1 ? light.L[c][i] : 0.0f;
       float left = u[i] * sum;
       const RecordedLight* chosen = nullptr;
-      for (const RecordedLight& met : store.met) {
-        if (!(met.lanes >> i & 1) || met.L[c][i] == 0) continue;
-        chosen = &met;
-        if ((left -= met.L[c][i]) < 0) break;
+      for (const RecordedLight& light : store.recorded) {
+        if (!(light.lanes >> i & 1) || light.L[c][i] == 0) continue;
+        chosen = &light;
+        if ((left -= light.L[c][i]) < 0) break;
       }
       if (!chosen) continue;
       const float share = (c == 0 ? n.diffuse_share.x : c == 1 ? n.diffuse_share.y : n.diffuse_share.z)[i];
@@ -155,7 +156,7 @@ PRIMRAY_RARE void put_sky_lpe_states(Round& round, vbool<W> m, const PathLanes<W
     }
     store.shadows.put(at, r);
   }
-  store.met.clear();
+  store.recorded.clear();
 }
 
 }  // namespace primray

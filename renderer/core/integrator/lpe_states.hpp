@@ -54,7 +54,7 @@ struct LpeStore {
   const LpeAutomaton& tables;
   int slots;
   std::vector<float> sums;  // indexed by class, channel, slot
-  std::vector<RecordedLight> met;
+  std::vector<RecordedLight> recorded;
   ShadowLpeStates shadows, special_shadows;
 
   LpeStore(const LpeAutomaton& t, int most_slots)

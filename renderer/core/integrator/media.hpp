@@ -48,7 +48,8 @@ template <int W>
 struct MediumState {
   MediumStack<W> stack;
   Medium<W> subsurface;
-  vfloat<W> lead{0.0f};  // distance between the surface point and the ray's offset origin, which the medium also fills
+  vfloat<W> origin_distance{
+      0.0f};  // distance between the surface point and the ray's offset origin, which the medium also fills
 
   PRIMRAY_INLINE vbool<W> in_subsurface() const { return subsurface.exists(); }
   // Medium that surrounds each path.
@@ -89,47 +90,47 @@ PRIMRAY_INLINE void for_kinds(bool parted, const vbool<W> (&kinds)[K], const F& 
 }
 
 struct MediumStateColumns {
-  alignas(64) int32_t inside[kMaxNestedMedia][kPadded];
-  alignas(64) float below[7][kPadded], lead[kPadded];
+  alignas(64) int32_t surfaces[kMaxNestedMedia][kPadded];
+  alignas(64) float subsurface[7][kPadded], origin_distance[kPadded];
 
   template <int W>
   PRIMRAY_INLINE MediumState<W> at(int i) const {
     MediumState<W> r;
-    for (int k = 0; k < kMaxNestedMedia; ++k) r.stack.surfaces[k] = load<W>(inside[k] + i);
-    const auto column = [&](int k) { return load<W>(below[k] + i); };
+    for (int k = 0; k < kMaxNestedMedia; ++k) r.stack.surfaces[k] = load<W>(surfaces[k] + i);
+    const auto column = [&](int k) { return load<W>(subsurface[k] + i); };
     r.subsurface.extinction = {column(0), column(1), column(2)}, r.subsurface.scattering = {column(3), column(4), column(5)};
     r.subsurface.phase = column(6);
-    r.lead = load<W>(lead + i);
+    r.origin_distance = load<W>(origin_distance + i);
     return r;
   }
   // Stores at `i` the lanes that `c` selects.
   template <int W>
   PRIMRAY_INLINE void put(int i, const Compaction<W>& c, const MediumState<W>& r) {
-    for (int k = 0; k < kMaxNestedMedia; ++k) c.append(inside[k] + i, r.stack.surfaces[k]);
+    for (int k = 0; k < kMaxNestedMedia; ++k) c.append(surfaces[k] + i, r.stack.surfaces[k]);
     const Medium<W>& m = r.subsurface;
     const vfloat<W>* columns[7] = {&m.extinction.x, &m.extinction.y, &m.extinction.z, &m.scattering.x,
                                    &m.scattering.y, &m.scattering.z, &m.phase};
-    for (int k = 0; k < 7; ++k) c.append(below[k] + i, *columns[k]);
-    c.append(lead + i, r.lead);
+    for (int k = 0; k < 7; ++k) c.append(subsurface[k] + i, *columns[k]);
+    c.append(origin_distance + i, r.origin_distance);
   }
 };
 
 // Medium stacks at the origins of shadow rays, which may pass straight through boundaries.
 struct ShadowMediaColumns {
-  alignas(64) int32_t inside[kMaxNestedMedia][ShadowQueue::kSize];
-  alignas(64) float lead[ShadowQueue::kSize];
+  alignas(64) int32_t surfaces[kMaxNestedMedia][ShadowQueue::kSize];
+  alignas(64) float origin_distance[ShadowQueue::kSize];
 
   template <int W>
   PRIMRAY_INLINE ShadowMedia<W> at(int i) const {
     ShadowMedia<W> r;
-    for (int k = 0; k < kMaxNestedMedia; ++k) r.stack.surfaces[k] = load<W>(inside[k] + i);
-    r.lead = load<W>(lead + i);
+    for (int k = 0; k < kMaxNestedMedia; ++k) r.stack.surfaces[k] = load<W>(surfaces[k] + i);
+    r.origin_distance = load<W>(origin_distance + i);
     return r;
   }
   template <int W>
   PRIMRAY_INLINE void put(int i, const Compaction<W>& c, const ShadowMedia<W>& r) {
-    for (int k = 0; k < kMaxNestedMedia; ++k) c.append(inside[k] + i, r.stack.surfaces[k]);
-    c.append(lead + i, r.lead);
+    for (int k = 0; k < kMaxNestedMedia; ++k) c.append(surfaces[k] + i, r.stack.surfaces[k]);
+    c.append(origin_distance + i, r.origin_distance);
   }
 };
 
@@ -141,28 +142,27 @@ struct MediumStateStore {
   ShadowMediaColumns shadows, special_shadows;
 };
 
-// Vertex in a scene with media: the media on both sides of the surface, and the one that a ray enters when it leaves the
-// vertex.
+// Media at a vertex: that of the incoming path, those on both sides of the surface, and the one below an opaque surface.
 template <int W>
-struct Crossing {
-  MediumState<W> inside;  // of the incoming path
+struct MediumInterface {
+  MediumState<W> incoming;  // of the path that hit the surface
   Boundary<W> boundary;
-  Medium<W> entered;  // medium below opaque surfaces that may be entered (subsurface)
+  Medium<W> below;  // medium below opaque surfaces that light may enter (subsurface scattering)
 
   // State of the path after the scattering event `s`.
-  PRIMRAY_INLINE MediumState<W> after(const BsdfSample<W>& s) const {
+  PRIMRAY_INLINE MediumState<W> state_after(const BsdfSample<W>& s) const {
     MediumState<W> r;
     r.stack = select(s.transmits & !s.enters, boundary.beyond, boundary.here);
-    r.subsurface.extinction = select(s.enters, entered.extinction, inside.subsurface.extinction);
-    r.subsurface.scattering = select(s.enters, entered.scattering, inside.subsurface.scattering);
-    r.subsurface.phase = select(s.enters, entered.phase, inside.subsurface.phase);
+    r.subsurface.extinction = select(s.enters, below.extinction, incoming.subsurface.extinction);
+    r.subsurface.scattering = select(s.enters, below.scattering, incoming.subsurface.scattering);
+    r.subsurface.phase = select(s.enters, below.phase, incoming.subsurface.phase);
     return r;
   }
   // Transmittance over distance `t` from here, times the radiance scale of the medium; in lanes `beyond` on the far side of the
   // surface.
   PRIMRAY_RARE vvec3<W> transmittance_towards(const Scene& scene, vbool<W> beyond, vfloat<W> t) const {
-    const MediumStack<W> around = select(beyond, boundary.beyond, boundary.here);
-    return medium_of(scene, around).transmittance(t) * radiance_scale(scene, around);
+    const MediumStack<W> stack = select(beyond, boundary.beyond, boundary.here);
+    return medium_of(scene, stack).transmittance(t) * radiance_scale(scene, stack);
   }
 };
 

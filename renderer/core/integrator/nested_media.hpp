@@ -20,7 +20,7 @@ struct WhiteLobes : Bsdf<W> {
 // Exit of a subsurface random walk: lights are sampled and paths continue as from a white Lambert surface.
 template <int W>
 PRIMRAY_RARE void exit_subsurface(Round& round, vbool<W> lanes, const PathLanes<W>& p, SurfaceHit<W> surface,
-                                  const MediumState<W>& inside) {
+                                  const MediumState<W>& state) {
   static const std::vector<float> white = [] {
     SurfaceTable table;
     SurfaceInput lambert;
@@ -28,7 +28,7 @@ PRIMRAY_RARE void exit_subsurface(Round& round, vbool<W> lanes, const PathLanes<
     table.add(lambert);
     return table.rows;
   }();
-  const Crossing<W> crossing{{inside.stack, {}, {}}, Boundary<W>(inside.stack), {}};
+  const MediumInterface<W> media{{state.stack, {}, {}}, Boundary<W>(state.stack), {}};
   // Treat the path as if it had arrived from outside, along the normal.
   const vvec3<W> n = surface.it.ns;
   surface.rows = SurfaceRows<W>(white.data(), vint<W>(0), nullptr);
@@ -36,7 +36,7 @@ PRIMRAY_RARE void exit_subsurface(Round& round, vbool<W> lanes, const PathLanes<
   surface.front = vbool<W>(true), surface.ng = surface.it.ng, surface.frame = Frame<vfloat<W>>(n);
   PathLanes<W> outside = p;
   outside.ray.d = -n;
-  shade_surface<WhiteLobes<W>>(round, lanes, outside, surface, &crossing);
+  shade_surface<WhiteLobes<W>>(round, lanes, outside, surface, &media);
 }
 
 // Medium below opaque surfaces of lanes `deep`, which OpenPBR's rows describe. `enterable`: lanes that light may enter.
@@ -69,22 +69,22 @@ PRIMRAY_RARE void shade_in_media(Round& round, int at, vbool<W> hit, vbool<W> sc
   const Scene& scene = round.scene;
   const SurfaceRows<W>& rows = surface.rows;
   const Interaction<W>& it = surface.it;
-  MediumState<W> inside = round.worker.inside->pool->template at<W>(at);
+  MediumState<W> state = round.worker.medium_states->pool->template at<W>(at);
 
   // Find the surfaces that bound a subsurface medium, and the paths that leave it
   const vbool<W> is_open = hit & ((truncate(rows(kFlags)) & vint<W>(kOpenPbr)) != vint<W>(0));
   const OpenPbrRows<W> row{rows.open_pbr, select(is_open, truncate(rows(kOpenPbrRow)), vint<W>(0)) * vint<W>(kOpenPbrFields)};
-  const vbool<W> deep = is_open & (row(kOpenSubsurface) > F(0.0f)), in_subsurface = inside.in_subsurface();
+  const vbool<W> deep = is_open & (row(kOpenSubsurface) > F(0.0f)), in_subsurface = state.in_subsurface();
   const vbool<W> leaves = deep & in_subsurface & !surface.front & (p.depth < vint<W>(round.settings.max_depth));
   // A random walk that hits a front face has left unnoticed.
   scatters &= !(in_subsurface & deep);
 
   // Find the media on both sides of the boundary
   const SubsurfaceMedium<W> below(scene, deep, row, it.offset);
-  const Crossing<W> crossing{inside, Boundary<W>(scene, scatters, inside.stack, it.surface, surface.front), below.medium};
-  const Boundary<W>& b = crossing.boundary;
-  if (const vbool<W> m = b.missed & !in_subsurface & (inside.stack.top() < vint<W>(0)); any(m))
-    p.beta = select(m, p.beta * medium_of(scene, b.here).transmittance(surface.hits.t + inside.lead), p.beta);
+  const MediumInterface<W> media{state, Boundary<W>(scene, scatters, state.stack, it.surface, surface.front), below.medium};
+  const Boundary<W>& b = media.boundary;
+  if (const vbool<W> m = b.missed & !in_subsurface & (state.stack.top() < vint<W>(0)); any(m))
+    p.beta = select(m, p.beta * medium_of(scene, b.here).transmittance(surface.hits.t + state.origin_distance), p.beta);
 
   // Shade by kind of boundary
   align_tangent(rows, scatters, surface.frame);
@@ -92,15 +92,15 @@ PRIMRAY_RARE void shade_in_media(Round& round, int at, vbool<W> hit, vbool<W> sc
   if (hairy) align_fibre(rows, scatters & it.on_curve, it.tangent, surface.frame);
   const vbool<W> kinds[3] = {leaves, b.overridden, scatters & !b.overridden};
   for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
-    if (kind == 0) return exit_subsurface(round, lanes, p, surface, inside);
+    if (kind == 0) return exit_subsurface(round, lanes, p, surface, state);
     if (kind == 1) {
       if (PathLog* const log = path_log<W>(round))
         log->add("pass", p).why = "a medium of higher priority overrides the boundary";
-      const MediumState<W> beyond{b.beyond, inside.subsurface, lead_of(it.offset, surface.ng, p.ray.d)};
+      const MediumState<W> beyond{b.beyond, state.subsurface, origin_distance_of(it.offset, surface.ng, p.ray.d)};
       return continue_straight(round, lanes, p, surface, &beyond);
     }
-    if (hairy) return shade_surface<BsdfWithHair<W>>(round, lanes, p, surface, &crossing, b.beside, below.enterable);
-    shade_surface<BsdfWithOpenPbr<W>>(round, lanes, p, surface, &crossing, b.beside, below.enterable);
+    if (hairy) return shade_surface<BsdfWithHair<W>>(round, lanes, p, surface, &media, b.ior_outside, below.enterable);
+    shade_surface<BsdfWithOpenPbr<W>>(round, lanes, p, surface, &media, b.ior_outside, below.enterable);
   });
 }
 

@@ -68,15 +68,15 @@ PRIMRAY_RARE void trace_outline(Round& round, int pixel, const LightOutlines::Pa
     p.normal = p.diffuse_share = vvec3<W>(F(0.0f));
     const vbool<W> active = lane_numbers<W>() < I(rays - at);
     vvec3<W> L(F(0.0f));
-    const LightHits<W> met = intersect_lights(round.scene.lights, active, vbool<W>(true), p, F(kInfinity), L);
-    const vbool<W> seen = met.covered & (met.light == I(part.light));
+    const LightHits<W> light_hits = intersect_lights(round.scene.lights, active, vbool<W>(true), p, F(kInfinity), L);
+    const vbool<W> seen = light_hits.covered & (light_hits.light == I(part.light));
     if (!any(seen)) continue;
     if (w.shadows.count > ShadowQueue::kSize - 2 * W) trace_shadows<W>(round), clear_shadows<W>(round);
     if (round.needs.lpe) put_outline_lpe_states(round, seen, part.light);
     if (PathLog* const log = path_log<W>(round))
       log->add("outline ray", slot[0], number[0], 0, 0).put("light", double(part.light)).put("radiance", L), log->queue();
     // Starts at the camera's near plane.
-    w.shadows.append(seen, ray.o + ray.d * ray.tnear, ray.d, max(met.nearest * kNearlyOne - ray.tnear, 0.0f), L * share,
+    w.shadows.append(seen, ray.o + ray.d * ray.tnear, ray.d, max(light_hits.nearest * kNearlyOne - ray.tnear, 0.0f), L * share,
                      load<W>(slot), p.ray.time, round.needs);
   }
 }

@@ -22,7 +22,7 @@ struct PathLog {
   struct Event {
     const char* kind;
     int sample;     // number in the log
-    uint32_t part;  // index in the sample sequence, by which the parts of a split path are told apart
+    uint32_t part;  // index in the sample sequence, by which the parts of a split path are distinguished
     int vertex, depth;
     const char* why = "";
     std::vector<Value> values;

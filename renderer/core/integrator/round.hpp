@@ -38,16 +38,17 @@ struct Round {
   int first_camera = 0;   // index in the pool of the first camera ray
   bool outlined = false;  // outlines of lights cross some pixels of this tile
 
-  Round(const Scene& s, const IntegratorSettings& asked, const TileBlock& task, Worker& thread, RayRecorder* log)
-      : scene(s),
-        settings(asked),
-        block(task),
-        worker(thread),
-        recorder(log),
-        needs(path_needs(s, asked)),
-        samples(task.count[0] + task.count[1]) {
+  Round(const Scene& scene_, const IntegratorSettings& settings_, const TileBlock& block_, Worker& worker_,
+        RayRecorder* recorder_)
+      : scene(scene_),
+        settings(settings_),
+        block(block_),
+        worker(worker_),
+        recorder(recorder_),
+        needs(path_needs(scene_, settings_)),
+        samples(block_.count[0] + block_.count[1]) {
     if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
-    if (follows_media() && !worker.inside) worker.inside = std::make_unique<MediumStateStore>();
+    if (follows_media() && !worker.medium_states) worker.medium_states = std::make_unique<MediumStateStore>();
     if (needs.lpe && !worker.lpe)
       worker.lpe = std::make_unique<LpeStore>(*settings.lpe, settings.clamps() ? Worker::kSums : Worker::kSlots);
     if (leaves_out_caustics()) worker.caustics.resize(3 * size_t(Worker::kSlots));
@@ -91,13 +92,13 @@ PRIMRAY_INLINE vfloat<W> time_of(const Round& round, vfloat<W> u, vint<W> x, vin
 // Whether the paths at `at` were in a medium: cross_media() has already added the lights that those rays hit.
 template <int W>
 PRIMRAY_RARE vbool<W> has_crossed_medium(const Round& round, int at) {
-  return round.worker.inside->pool->template at<W>(at).medium(round.scene).exists();
+  return round.worker.medium_states->pool->template at<W>(at).medium(round.scene).exists();
 }
 
 // Factor of radiance that the paths at `at` receive (medium/medium_stack.hpp).
 template <int W>
 PRIMRAY_RARE vfloat<W> radiance_scale_at(const Round& round, int at) {
-  return radiance_scale(round.scene, round.worker.inside->pool->template at<W>(at).stack);
+  return radiance_scale(round.scene, round.worker.medium_states->pool->template at<W>(at).stack);
 }
 
 // Index of the sum for light that reaches samples `slot` after that many scattering events.

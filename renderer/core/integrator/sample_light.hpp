@@ -137,12 +137,12 @@ PRIMRAY_RARE void cross_surface(vbool<W> m, const Vertex<W, Lobes>& v, const vve
 
 // Stores the medium stacks of shadow rays that are about to be queued.
 template <int W>
-PRIMRAY_RARE void put_shadow_media(Round& round, vbool<W> special, vbool<W> other, vbool<W> beyond, const Crossing<W>& c,
-                                   vfloat<W> lead) {
+PRIMRAY_RARE void put_shadow_media(Round& round, vbool<W> special, vbool<W> other, vbool<W> beyond,
+                                   const MediumInterface<W>& media, vfloat<W> origin_distance) {
   Worker& w = round.worker;
-  const ShadowMedia<W> around{select(beyond, c.boundary.beyond, c.boundary.here), lead};
-  if (any(special)) w.inside->special_shadows.put(w.special_shadows->rays.count, Compaction<W>(special), around);
-  w.inside->shadows.put(w.shadows.count, Compaction<W>(other), around);
+  const ShadowMedia<W> shadow_media{select(beyond, media.boundary.beyond, media.boundary.here), origin_distance};
+  if (any(special)) w.medium_states->special_shadows.put(w.special_shadows->rays.count, Compaction<W>(special), shadow_media);
+  w.medium_states->shadows.put(w.shadows.count, Compaction<W>(other), shadow_media);
 }
 
 // Logs a light sample that cannot contribute.
@@ -156,7 +156,8 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   using B = vbool<W>;
   using V = vvec3<W>;
   const LightTable& lights = round.scene.lights;
-  // Same origin as scattered rays, so that both techniques agree on which lights are above the surface.
+
+  // Choose a light. The origin is that of scattered rays, so that both techniques agree on which lights are above the surface
   const V from = v.it.p + v.ng * v.it.offset;
   ChosenLight<W> chosen;
   choose_light_at(round, scatters, v, p, from, chosen);
@@ -164,6 +165,8 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   B useful = scatters & (chosen.choice.probability > vfloat<W>(0.0f));
   if (!any(useful)) return log_light(round, p, "no light reaches the point");
   PRIMRAY_ASSERT(are_rows(light, size_t(lights.count)) && are_fractions(useful, chosen.choice.probability));
+
+  // Sample a point on it
   LightSample<W> s = sample_point(round, useful, light, v, p, from);
   PRIMRAY_ASSERT(are_unit(useful & (s.pdf > vfloat<W>(0.0f)), s.wi));
   const V wi = v.frame.to_local(s.wi);
@@ -171,6 +174,8 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   const B beyond = v.bsdf.lets_through() & (wi.z < vfloat<W>(0.0f)) & !above;  // through the surface
   useful &= (s.pdf > vfloat<W>(0.0f)) & (((wi.z > vfloat<W>(0.0f)) & (above | v.it.smooth)) | beyond);
   if (!any(useful)) return log_light(round, p, "the light is behind the surface, or has no density there", light);
+
+  // Evaluate the BSDF and the MIS weight
   const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
   const V reflected = reflected_of(lights, light, f);
   const vfloat<W> pdf = s.pdf * chosen.choice.probability;
@@ -179,11 +184,15 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   const vfloat<W> scattered_pdf = scattered_density(round, v, s.wi, f.pdf);
   const vfloat<W> weight = light_weight(round, useful, special, chosen, s, pdf, scattered_pdf, v, from);
   PRIMRAY_ASSERT(are_weights(useful, reflected) && are_weights(useful, scattered_pdf) && are_fractions(useful, weight));
+
+  // Compute the unshadowed contribution
   V carried = p.beta * reflected * s.L * (weight / pdf);
-  const bool crosses = Lobes::kFollowsMedia && v.crossing;
-  if (crosses && !round.scene.has_thin)
-    carried = carried * v.crossing->transmittance_towards(round.scene, beyond, s.t + lead_of(v.it.offset, v.ng, s.wi));
+  const bool in_media = Lobes::kFollowsMedia && v.media;
+  if (in_media && !round.scene.has_thin)
+    carried = carried * v.media->transmittance_towards(round.scene, beyond, s.t + origin_distance_of(v.it.offset, v.ng, s.wi));
   useful &= max_component(carried) > vfloat<W>(0.0f);
+
+  // Move the shadow ray's origin to the light's side of the surface
   V o = from;
   if (any(useful & beyond)) cross_surface(useful & beyond, v, from, s, o);
   if (const B below = useful & !above & !beyond; any(below))
@@ -198,9 +207,11 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
     else
       event.why = "nothing is reflected towards the light";
   }
+
+  // Queue the shadow ray
   Worker& w = round.worker;
-  if (crosses)
-    put_shadow_media(round, useful & special, useful & !special, beyond, *v.crossing, lead_of(v.it.offset, v.ng, s.wi));
+  if (in_media)
+    put_shadow_media(round, useful & special, useful & !special, beyond, *v.media, origin_distance_of(v.it.offset, v.ng, s.wi));
   if (round.needs.lpe) put_shadow_lpe_states<W, Lobes>(round, useful & special, useful & !special, p, f, beyond, light);
   const vint<W> sum = sum_of(round, p.slot, p.depth + vint<W>(1));
   if (any(useful & special))

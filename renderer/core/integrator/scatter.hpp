@@ -96,9 +96,10 @@ PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vf
   F survive(1.0f);
   if (!any(roulette)) return survive;
   const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
-  F kept = max_component(n.beta) * n.splits * kRouletteKeep;
-  if (round.needs.first_received) kept = select(n.first_received > F(0.0f), max(kept * expected, kLeastSurvival), kept);
-  survive = select(roulette, min(kept, most), survive);
+  F expected_weight = max_component(n.beta) * n.splits * kRouletteKeep;
+  if (round.needs.first_received)
+    expected_weight = select(n.first_received > F(0.0f), max(expected_weight * expected, kLeastSurvival), expected_weight);
+  survive = select(roulette, min(expected_weight, most), survive);
   const F r = n.sampler.single(bounce, Purpose::kRoulette);
   alive &= !(roulette & (r >= survive));
   n.beta = n.beta * (1.0f / survive);
@@ -109,32 +110,33 @@ PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vf
 
 // Stores the medium state of paths that continue with the BSDF sample `s`.
 template <int W>
-PRIMRAY_RARE void put_medium_state(Round& round, const Compaction<W>& kept, const Crossing<W>& crossing, const BsdfSample<W>& s,
-                                   vfloat<W> lead) {
-  MediumState<W> inside = crossing.after(s);
-  inside.lead = lead;
-  round.worker.inside->next->put(round.worker.next->count, kept, inside);
+PRIMRAY_RARE void put_medium_state(Round& round, const Compaction<W>& c, const MediumInterface<W>& media,
+                                   const BsdfSample<W>& s, vfloat<W> origin_distance) {
+  MediumState<W> state = media.state_after(s);
+  state.origin_distance = origin_distance;
+  round.worker.medium_states->next->put(round.worker.next->count, c, state);
 }
 template <int W>
-PRIMRAY_RARE void attenuate_sky_light(Round& round, vbool<W> lit, const Crossing<W>& crossing, const BsdfSample<W>& s,
-                                      vfloat<W> lead, vvec3<W>& carried) {
-  const MediumState<W> inside = crossing.after(s);
+PRIMRAY_RARE void attenuate_sky_light(Round& round, vbool<W> lit, const MediumInterface<W>& media, const BsdfSample<W>& s,
+                                      vfloat<W> origin_distance, vvec3<W>& carried) {
+  const MediumState<W> state = media.state_after(s);
   if (!round.scene.has_thin)
     carried =
-        carried * inside.medium(round.scene).transmittance(vfloat<W>(kInfinity)) * radiance_scale(round.scene, inside.stack);
-  round.worker.inside->shadows.put(round.worker.shadows.count, Compaction<W>(lit), ShadowMedia<W>{inside.stack, lead});
+        carried * state.medium(round.scene).transmittance(vfloat<W>(kInfinity)) * radiance_scale(round.scene, state.stack);
+  round.worker.medium_states->shadows.put(round.worker.shadows.count, Compaction<W>(lit),
+                                          ShadowMedia<W>{state.stack, origin_distance});
 }
 
 // Queues a shadow ray in place of a path's last ray where only the environment's visibility matters: it is cheaper to trace.
 template <int W>
-PRIMRAY_INLINE void queue_sky_shadow(Round& round, vbool<W> last, const PathLanes<W>& n, const Crossing<W>* crossing,
-                                     const BsdfSample<W>& s, vfloat<W> lead) {
+PRIMRAY_INLINE void queue_sky_shadow(Round& round, vbool<W> last, const PathLanes<W>& n, const MediumInterface<W>* media,
+                                     const BsdfSample<W>& s, vfloat<W> origin_distance) {
   vvec3<W> carried = n.beta * evaluate_domes(round.scene.lights, last, n);
   const vbool<W> lit = last & (max_component(carried) > vfloat<W>(0.0f));
   if (!any(lit)) return;
   if (PathLog* const log = path_log<W>(round))
     log->add("dome ray", n).put("direction", n.ray.d).put("bsdf_pdf", n.bsdf_pdf).put("unshadowed", carried), log->queue();
-  if (crossing) attenuate_sky_light(round, lit, *crossing, s, lead, carried);
+  if (media) attenuate_sky_light(round, lit, *media, s, origin_distance, carried);
   if (round.needs.lpe) put_sky_lpe_states(round, lit, n);
   const vint<W> sum = sum_of(round, n.slot, n.depth);
   round.worker.shadows.append(lit, n.ray.o, n.ray.d, vfloat<W>(kInfinity), carried, sum, n.ray.time, round.needs);
@@ -146,6 +148,8 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   using I = vint<W>;
   using B = vbool<W>;
   const Scene& scene = round.scene;
+
+  // Sample the next direction
   PathLanes<W> n = p;
   F own(0.0f);
   const BsdfSample<W> s = sample_direction(round, v, p, n.splits, own);
@@ -165,6 +169,8 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
     if (!any(alive))
       log->end(p, any(max_component(n.beta) > F(0.0f)) ? "the direction is below the surface" : "the throughput is 0");
   }
+
+  // Update the path state
   n.vertex = p.vertex + I(1);
   // A path that enters below a surface has not scattered until it leaves again.
   n.depth = p.depth + select(s.straight | s.enters, I(0), I(1));
@@ -179,6 +185,8 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
       round.needs.first_received ? expected_light(*round.settings.guide, v.place, n.ray.d, n.first_received) : F(0.0f);
   if (PathLog* const log = path_log<W>(round); log && any(n.depth > I(round.settings.max_depth)))
     log->end(p, "the maximum depth is reached");
+
+  // End paths that cannot find light or that Russian roulette ends
   const F survive = play_roulette(round, s.straight, expected, n, alive);
   // End the paths as well if light sampling alone finds all lights near them.
   if (scene.only_hierarchy_lights_found)
@@ -187,24 +195,31 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if (PathLog* const log = path_log<W>(round); log && !any(alive))
     log->end_if_open(p, "no light is left to be found at the maximum depth");
   if (!any(alive)) return;
+
+  // Set the ray's ends
   // The far plane also applies to what the camera sees through a gap.
   n.ray.tnear = F(0.0f);
   if constexpr (Lobes::kFibres)
     n.ray.tnear = distance_through_tube(alive & v.bsdf.is_hair & s.transmits & !s.straight, v.it, n.ray.d);
   n.ray.tfar = select(s.straight & (p.depth == I(0)), p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d), F(kInfinity));
+
+  // Replace last rays to the sky by shadow rays
   // No lights are sampled during a random walk below a surface.
-  const bool crosses = Lobes::kFollowsMedia && v.crossing;
-  if (crosses) n.bsdf_pdf = select(v.crossing->inside.in_subsurface(), F(0.0f), n.bsdf_pdf);
+  const bool in_media = Lobes::kFollowsMedia && v.media;
+  if (in_media) n.bsdf_pdf = select(v.media->incoming.in_subsurface(), F(0.0f), n.bsdf_pdf);
   if (const B sky = alive & last & !(s.straight | s.enters); scene.only_domes_found && any(sky)) {
-    queue_sky_shadow(round, sky, n, crosses ? v.crossing : nullptr, s, crosses ? lead_of(v.it.offset, v.ng, n.ray.d) : F(0.0f));
+    queue_sky_shadow(round, sky, n, in_media ? v.media : nullptr, s,
+                     in_media ? origin_distance_of(v.it.offset, v.ng, n.ray.d) : F(0.0f));
     alive &= !sky;
     if (!any(alive)) return;
   }
+
+  // Store the paths that continue
   if (round.settings.log && !Lobes::kInMedium)
     keep_vertex(*round.settings.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, survive, n);
-  const Compaction<W> kept(alive);
-  if (crosses) put_medium_state(round, kept, *v.crossing, s, lead_of(v.it.offset, v.ng, n.ray.d));
-  round.worker.next->append(kept, n, round.needs);
+  const Compaction<W> c(alive);
+  if (in_media) put_medium_state(round, c, *v.media, s, origin_distance_of(v.it.offset, v.ng, n.ray.d));
+  round.worker.next->append(c, n, round.needs);
 }
 
 // Splits each path at its first surface that is not a mirror: more work goes to what follows than to finding that surface.

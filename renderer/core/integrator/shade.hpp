@@ -103,7 +103,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   if (in_media) return shade_in_media(round, at, hit, scatters, p, surface);
   if (!scene.surfaces.hair.empty()) return shade_hair(round, scatters, p, surface);
   if (!scene.surfaces.open_pbr.empty()) return shade_open_pbr(round, scatters, p, surface);
-  const Crossing<W>* const none = nullptr;
+  const MediumInterface<W>* const none = nullptr;
   shade_surface<Bsdf<W>>(round, scatters, p, surface, none);
 }
 
@@ -116,7 +116,7 @@ void shade(Round& round) {
     shade_lanes(round, at, lane_numbers<W>() < vint<W>(pool.count - at));
   }
   std::swap(w.pool, w.next);
-  if (w.inside) std::swap(w.inside->pool, w.inside->next);
+  if (w.medium_states) std::swap(w.medium_states->pool, w.medium_states->next);
 }
 
 }  // namespace primray

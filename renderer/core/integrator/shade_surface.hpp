@@ -12,7 +12,7 @@ template <int W, class Lobes>
 void sample_direct_and_continue(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   vbool<W> lit = scatters & (p.depth < vint<W>(round.settings.max_depth));
   if constexpr (Lobes::kFollowsMedia) {
-    if (v.crossing) lit &= !v.crossing->inside.in_subsurface();
+    if (v.media) lit &= !v.media->incoming.in_subsurface();
   }
   // Paths inside a fibre continue straight.
   if constexpr (Lobes::kFibres) lit &= v.bsdf.presence > vfloat<W>(0.0f);
@@ -29,10 +29,10 @@ PRIMRAY_RARE void sample_direct_and_continue_guided(Round& round, vbool<W> scatt
   sample_direct_and_continue(round, scatters, v, p);
 }
 
-// Samples lights and scatters at `surface`. `crossing`: the media around it, if media are followed. `more`: arguments of Lobes.
+// Samples lights and scatters at `surface`. `media`: those around it, if media are followed. `more`: arguments of Lobes.
 template <class Lobes, int W, class... More>
 PRIMRAY_INLINE void shade_surface(Round& round, vbool<W> scatters, const PathLanes<W>& p, const SurfaceHit<W>& surface,
-                                  const Crossing<W>* crossing, const More&... more) {
+                                  const MediumInterface<W>* media, const More&... more) {
   const IntegratorSettings& settings = round.settings;
   const vvec3<W> wo = surface.frame.to_local(-p.ray.d);
   Vertex<W, Lobes> v{surface.it,
@@ -43,7 +43,7 @@ PRIMRAY_INLINE void shade_surface(Round& round, vbool<W> scatters, const PathLan
                      surface.hits,
                      {vint<W>(-1), vint<W>(0)},
                      nullptr,
-                     crossing};
+                     media};
   v.bsdf.diffuse *= surface.it.color;
   if constexpr (W == 1) {
     if (PathLog* const log = path_log<W>(round)) log_lobes(*log, p, v);
@@ -56,7 +56,7 @@ PRIMRAY_INLINE void shade_surface(Round& round, vbool<W> scatters, const PathLan
 template <int W>
 PRIMRAY_RARE void shade_open_pbr(Round& round, vbool<W> scatters, const PathLanes<W>& p, SurfaceHit<W>& surface) {
   align_tangent(surface.rows, scatters, surface.frame);
-  const Crossing<W>* const none = nullptr;
+  const MediumInterface<W>* const none = nullptr;
   shade_surface<BsdfWithOpenPbr<W>>(round, scatters, p, surface, none);
 }
 
@@ -64,7 +64,7 @@ template <int W>
 PRIMRAY_RARE void shade_hair(Round& round, vbool<W> scatters, const PathLanes<W>& p, SurfaceHit<W>& surface) {
   align_tangent(surface.rows, scatters, surface.frame);
   align_fibre(surface.rows, scatters & surface.it.on_curve, surface.it.tangent, surface.frame);
-  const Crossing<W>* const none = nullptr;
+  const MediumInterface<W>* const none = nullptr;
   shade_surface<BsdfWithHair<W>>(round, scatters, p, surface, none);
 }
 

@@ -45,7 +45,7 @@ struct Worker {
   PathPool* next = &pools[1];
   ShadowQueue shadows;
   std::unique_ptr<SpecialShadowQueue> special_shadows;  // in scenes with special lights
-  std::unique_ptr<MediumStateStore> inside;             // in scenes with participating media
+  std::unique_ptr<MediumStateStore> medium_states;      // in scenes with participating media
   std::unique_ptr<LpeStore> lpe;                        // for light path expressions
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   // With a clamp, indirect light is summed separately, kSlots further on (integrator/add_to_film.hpp).

@@ -85,9 +85,9 @@ PRIMRAY_RARE void trace_shadow_stream(Round& round) {
 template <int W>
 PRIMRAY_RARE vbool<W> pass_thin_shadows(Round& round, int at, vbool<W> active, const Rays<W>& rays, vvec3<W>& carried,
                                         vint<W>* passed) {
-  ShadowMedia<W> around;
-  if (round.follows_media()) around = round.worker.inside->shadows.at<W>(at);
-  return pass_thin(round.scene, round.recorder, active, rays, carried, round.follows_media() ? &around : nullptr, passed);
+  ShadowMedia<W> media;
+  if (round.follows_media()) media = round.worker.medium_states->shadows.at<W>(at);
+  return pass_thin(round.scene, round.recorder, active, rays, carried, round.follows_media() ? &media : nullptr, passed);
 }
 
 template <int W>
@@ -127,11 +127,11 @@ void trace_special_shadows(Round& round) {
     const vint<W> light = select(active, load<W>(q.light + at), vint<W>(q.light[at]));
     Rays<W> rays = q.rays.rays<W>(at);
     if (round.needs.time) rays.time = load<W>(q.rays.time + at);
-    ShadowMedia<W> around;
+    ShadowMedia<W> media;
     const bool follows = round.follows_media() && round.scene.has_thin;
-    if (follows) around = round.worker.inside->special_shadows.at<W>(at);
+    if (follows) media = round.worker.medium_states->special_shadows.at<W>(at);
     vint<W> passed(0);
-    const vvec3<W> left = pass_special(round.scene, round.recorder, active, rays, light, follows ? &around : nullptr,
+    const vvec3<W> left = pass_special(round.scene, round.recorder, active, rays, light, follows ? &media : nullptr,
                                        round.needs.lpe ? &passed : nullptr);
     if (PathLog* const log = path_log<W>(round)) log->arrive(log->special_shadows, at, left);
     add_to_slots(round, active, load<W>(q.rays.slot + at), carried * left);

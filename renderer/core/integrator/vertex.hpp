@@ -42,10 +42,10 @@ struct SurfaceHit {
   }
 };
 
-// Continues paths straight, from behind the surface that they hit. `inside`: their medium state, if media are followed.
+// Continues paths straight, from behind the surface that they hit. `state`: their medium state, if media are followed.
 template <int W>
 PRIMRAY_RARE void continue_straight(Round& round, vbool<W> lanes, const PathLanes<W>& p, const SurfaceHit<W>& surface,
-                                    const MediumState<W>* inside = nullptr) {
+                                    const MediumState<W>* state = nullptr) {
   const Compaction<W> c(lanes);
   PathLanes<W> n = p;
   const vfloat<W> distance = dot(surface.it.p - p.ray.o, p.ray.d);
@@ -54,7 +54,7 @@ PRIMRAY_RARE void continue_straight(Round& round, vbool<W> lanes, const PathLane
   n.ray.tfar = p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d);
   n.vertex = p.vertex + vint<W>(1);
   n.travelled = p.travelled + distance, n.cone_width = p.cone_width + p.cone_spread * distance;
-  if (inside) round.worker.inside->next->put(round.worker.next->count, c, *inside);
+  if (state) round.worker.medium_states->next->put(round.worker.next->count, c, *state);
   round.worker.next->append(c, n, round.needs);
 }
 
@@ -90,7 +90,7 @@ struct Vertex {
   const Hits<W>& hits;
   GuideLocation<W> place;           // region -1: sampled by the BSDF alone
   const CausticLanes<W>* caustics;  // null: no caustic guiding
-  const Crossing<W>* crossing;      // null: no media
+  const MediumInterface<W>* media;  // null: media are not followed
 };
 
 // Normal of the hemisphere in which lights are chosen; 0 if the surface transmits light from both sides.

@@ -198,7 +198,7 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* light, const vvec3<W>& p, cons
   const vvec3<W> local = row.to_light(p - row.vector(kOrigin));
   LocalHit<W> h{vfloat<W>(kInfinity), vfloat<W>(0.0f)};
   with_light_type(light, [&]<class T>(T) {
-    if constexpr (MetLightType<T>) h = T::hit(row, p, local, w);
+    if constexpr (HittableLightType<T>) h = T::hit(row, p, local, w);
   });
   if (sheared) {
     h.t = h.t * (1.0f / len);

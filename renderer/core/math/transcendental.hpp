@@ -23,9 +23,9 @@ PRIMRAY_INLINE vfloat<W> log2(vfloat<W> x) {
 template <int W>
 PRIMRAY_INLINE vfloat<W> exp2_negative(vfloat<W> z) {
   const vbool<W> vanishes = z < vfloat<W>(-126.0f);
-  const vfloat<W> kept = select(vanishes, vfloat<W>(0.0f), z);
-  const vint<W> whole = floor_to_int(kept + 0.5f);
-  const vfloat<W> f = (kept - to_float(whole)) * 0.693147181f;
+  const vfloat<W> clamped = select(vanishes, vfloat<W>(0.0f), z);
+  const vint<W> whole = floor_to_int(clamped + 0.5f);
+  const vfloat<W> f = (clamped - to_float(whole)) * 0.693147181f;
   const vfloat<W> high = 4.16666667e-2f + f * (8.33333333e-3f + f * (1.38888889e-3f + f * 1.98412698e-4f));
   const vfloat<W> e = 1.0f + f * (1.0f + f * (0.5f + f * (1.66666667e-1f + f * high)));
   const vfloat<W> scale = bit_cast<vfloat<W>>((whole + vint<W>(127)) << 23);
@@ -132,9 +132,9 @@ PRIMRAY_INLINE vfloat<W> log2_cosine(vfloat<W> c, vfloat<W> sin2) {
 // 2^x, x <= 127; relative error below 3e-7; 0 below 2^-126. Taylor series on [-1/2, 1/2].
 template <int W>
 PRIMRAY_INLINE vfloat<W> exp2(vfloat<W> x) {
-  const vfloat<W> kept = max(x, -200.0f);
-  const vint<W> whole = floor_to_int(kept + 0.5f);
-  const vfloat<W> f = kept - to_float(whole);
+  const vfloat<W> clamped = max(x, -200.0f);
+  const vint<W> whole = floor_to_int(clamped + 0.5f);
+  const vfloat<W> f = clamped - to_float(whole);
   const vfloat<W> part =
       1.0f + f * (6.93147181e-1f +
                   f * (2.40226507e-1f +

@@ -62,15 +62,15 @@ struct MediumStack {
 
 // Distance from the surface to the offset origin of a ray that leaves it; less for grazing rays.
 template <int W>
-PRIMRAY_INLINE vfloat<W> lead_of(vfloat<W> offset, const vvec3<W>& ng, const vvec3<W>& d) {
+PRIMRAY_INLINE vfloat<W> origin_distance_of(vfloat<W> offset, const vvec3<W>& ng, const vvec3<W>& d) {
   return offset / max(abs(dot(ng, d)), 0.05f);
 }
 
-// Medium stack of a shadow ray, and its lead.
+// Medium stack of a shadow ray, and the distance before its origin that the medium also fills.
 template <int W>
 struct ShadowMedia {
   MediumStack<W> stack;
-  vfloat<W> lead{0.0f};
+  vfloat<W> origin_distance{0.0f};
 };
 
 template <int W>
@@ -116,20 +116,21 @@ PRIMRAY_INLINE vfloat<W> radiance_scale(const Scene& scene, const MediumStack<W>
   return vfloat<W>(scene.interiors.camera_index2) / (n * n);
 }
 
-// Boundary that lanes `bounds_medium` hit, from its front or back: the stacks on both sides, and whether it is visible at all.
+// Boundary that lanes `bounds_medium` hit, from its front or back: the stacks on both sides, and whether a medium of higher
+// priority overrides it, so that it is invisible (a false intersection, as Schmidt and Budge call it).
 template <int W>
 struct Boundary {
   vbool<W> bounds_medium, overridden, missed;  // missed: its back was hit by a path that had not entered
   MediumStack<W> here, beyond;                 // on the path's side, on the other side
-  vfloat<W> beside;                            // index of refraction outside the surface
+  vfloat<W> ior_outside;                       // index of refraction outside the surface
 
   // No boundary.
   PRIMRAY_INLINE explicit Boundary(const MediumStack<W>& now)
-      : bounds_medium(false), overridden(false), missed(false), here(now), beyond(now), beside(1.0f) {}
+      : bounds_medium(false), overridden(false), missed(false), here(now), beyond(now), ior_outside(1.0f) {}
   PRIMRAY_INLINE Boundary(const Scene& scene, vbool<W> hit, const MediumStack<W>& now, vint<W> surface, vbool<W> front)
       : here(now), beyond(now) {
     bounds_medium = hit & (gather<W>(scene.interiors.bounds_medium.data(), surface) != vint<W>(0));
-    overridden = missed = vbool<W>(false), beside = ior_in(scene, now);
+    overridden = missed = vbool<W>(false), ior_outside = ior_in(scene, now);
     if (!any(bounds_medium)) return;
     const vbool<W> has = now.has(scene, surface), enters = bounds_medium & front, leaves = bounds_medium & !front;
     if (any(enters & has)) here.remove(scene, enters & has, surface);
@@ -140,7 +141,7 @@ struct Boundary {
     beyond.remove(scene, leaves, surface);
     overridden =
         (enters & (beyond.top() != surface)) | (leaves & !MediumStack<W>::bound_same_object(scene, here.top(), surface));
-    beside = ior_in(scene, select(enters, here, beyond));
+    ior_outside = ior_in(scene, select(enters, here, beyond));
   }
 };
 

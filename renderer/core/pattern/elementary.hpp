@@ -44,9 +44,9 @@ PRIMRAY_INLINE vfloat<W> asin(vfloat<W> x) {
 // Exponential up to 2^128, which is infinite. x = k ln 2 + r by two parts of ln 2; the series of exp up to the seventh power.
 template <int W>
 PRIMRAY_INLINE vfloat<W> exp(vfloat<W> x) {
-  const vfloat<W> kept = clamp(x, -87.0f, 89.0f);
-  const vint<W> whole = floor_to_int(kept * 1.44269504f + 0.5f);
-  const vfloat<W> k = to_float(whole), r = (kept - k * 0.693359375f) - k * -2.12194440e-4f;
+  const vfloat<W> clamped = clamp(x, -87.0f, 89.0f);
+  const vint<W> whole = floor_to_int(clamped * 1.44269504f + 0.5f);
+  const vfloat<W> k = to_float(whole), r = (clamped - k * 0.693359375f) - k * -2.12194440e-4f;
   const vfloat<W> high = 4.16666667e-2f + r * (8.33333333e-3f + r * (1.38888889e-3f + r * 1.98412698e-4f));
   const vfloat<W> part = 1.0f + r * (1.0f + r * (0.5f + r * (1.66666667e-1f + r * high)));
   // Apply half of the exponent at a time: 2^128 is not a float.

@@ -97,8 +97,8 @@ struct CurvePoint {
     const F narrowing = ((r[1] - r[0]) * (v * v) + (r[2] - r[1]) * (2.0f * u * v) + (r[3] - r[2]) * (u * u)) * 3.0f;
     const F size = max(max_component(abs(e1)), max(max_component(abs(e2)), max_component(abs(e3))));
     // Where control points coincide, the curve takes its direction from those that do not.
-    const vbool<W> stands = max_component(abs(along)) <= size * 1e-6f;
-    along = select(stands, select(u < F(0.5f), e2, e3 - e1), along);
+    const vbool<W> is_fixed = max_component(abs(along)) <= size * 1e-6f;
+    along = select(is_fixed, select(u < F(0.5f), e2, e3 - e1), along);
     along = select(max_component(abs(along)) <= size * 1e-6f, e3, along);
     along = select(max_component(abs(along)) > F(0.0f), along, V(F(1.0f), F(0.0f), F(0.0f)));
 

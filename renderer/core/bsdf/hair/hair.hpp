@@ -56,15 +56,15 @@ struct Hair {
     const F gamma_in = atan2(sin_gamma, cos_gamma);
     const F way = -1.44269504f * 2.0f * cos_gamma / max(cos_in, 1e-6f);
     const V absorption = row.color(kHairAbsorption);
-    const V kept{exp2_negative<W>(absorption.x * way), exp2_negative<W>(absorption.y * way),
-                 exp2_negative<W>(absorption.z * way)};
+    const V transmittance{exp2_negative<W>(absorption.x * way), exp2_negative<W>(absorption.y * way),
+                          exp2_negative<W>(absorption.z * way)};
     const F f = dielectric_fresnel<W>(wo.z, ior), through = (1.0f - f) * (1.0f - f);
     left[0] = V(f);
-    left[1] = kept * through;
-    left[2] = left[1] * kept * f;
-    const V rest = left[2] * kept * f;
+    left[1] = transmittance * through;
+    left[2] = left[1] * transmittance * f;
+    const V rest = left[2] * transmittance * f;
     const auto series = [&](F r, F t) { return r / max(one - t * f, 1e-6f); };
-    left[3] = V(series(rest.x, kept.x), series(rest.y, kept.y), series(rest.z, kept.z));
+    left[3] = V(series(rest.x, transmittance.x), series(rest.y, transmittance.y), series(rest.z, transmittance.z));
     F total(0.0f);
     for (int p = 0; p < kHairLobes; ++p) {
       const int k = p < 3 ? p : 2;

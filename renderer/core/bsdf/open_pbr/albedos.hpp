@@ -12,8 +12,8 @@ struct NodePlace {
   vint<W> first;
   vfloat<W> part;
   PRIMRAY_INLINE NodePlace(vfloat<W> x, int count) {
-    const vfloat<W> kept = clamp(x, 0.0f, float(count - 1));
-    first = min(truncate(kept), count - 2), part = kept - to_float(first);
+    const vfloat<W> clamped = clamp(x, 0.0f, float(count - 1));
+    first = min(truncate(clamped), count - 2), part = clamped - to_float(first);
   }
 };
 

@@ -28,8 +28,8 @@ struct Eon {
     const vfloat<W> side = wo.x * wi.x + wo.y * wi.y, larger = max(max(wo.z, wi.z), 1e-6f);
     const vfloat<W> ratio = select(side > vfloat<W>(0.0f), side / larger, side);
     const vfloat<W> single = kInvPi * scale * (1.0f + roughness * ratio);
-    const vfloat<W> kept = kInvPi * lost_out * lost(wi.z) * (1.0f - lost_mean) / max(lost_mean, 1e-7f);
-    const auto channel = [&](vfloat<W> r) { return r * single + r * r * kept / (1.0f - r * lost_mean); };
+    const vfloat<W> multiple = kInvPi * lost_out * lost(wi.z) * (1.0f - lost_mean) / max(lost_mean, 1e-7f);
+    const auto channel = [&](vfloat<W> r) { return r * single + r * r * multiple / (1.0f - r * lost_mean); };
     return {channel(rho.x), channel(rho.y), channel(rho.z)};
   }
 };

@@ -31,8 +31,8 @@ PRIMRAY_INLINE Interior<W> transmission_interior(const OpenPbrValues<W>& v) {
   const F per_length = select(deep, 1.0f / max(v.transmission_depth, kLeastPath), zero);
   const auto absorbed = [&](F x) { return -0.693147181f * log2_cosine(x, (1.0f - x) * (1.0f + x)) * per_length; };
   const V total{absorbed(v.transmission_color.x), absorbed(v.transmission_color.y), absorbed(v.transmission_color.z)};
-  const V asked = v.transmission_scatter * per_length;
-  const V scattering{min(asked.x, kDensest), min(asked.y, kDensest), min(asked.z, kDensest)};
+  const V requested = v.transmission_scatter * per_length;
+  const V scattering{min(requested.x, kDensest), min(requested.y, kDensest), min(requested.z, kDensest)};
   V absorption = total - scattering;
   absorption = absorption - V(min(min(min(absorption.x, absorption.y), absorption.z), 0.0f));
   return {absorption + scattering, scattering, clamp(v.transmission_scatter_anisotropy, -kMostPhase, kMostPhase)};

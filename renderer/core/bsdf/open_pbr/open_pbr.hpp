@@ -100,8 +100,8 @@ struct OpenPbr {
         // Anisotropic facets are approximated by isotropic ones with their roughness along the view direction.
         F lost = one - passing_albedo(wo.z, along, eta);
         if (has(anisotropy)) lost *= select(brushed == one, one, (one - whole) / max(one - whole_albedo(wo.z, along), 1e-4f));
-        const F kept = one - lost;
-        glass_gain = select(mirror | clear, one, 1.0f / max(select(thin, whole, kept), 0.05f));
+        const F passed = one - lost;
+        glass_gain = select(mirror | clear, one, 1.0f / max(select(thin, whole, passed), 0.05f));
       }
       F from_within = dielectric_fresnel(wo.z, eta);
       if (any_rough && any(within)) from_within = select(mirror, from_within, mean_reflectance(wo, eta));

@@ -21,20 +21,20 @@ struct TexturedTriangles {
   std::vector<size_t> tried;
 };
 
-std::vector<TexturedTriangles> worn_triangles(const Scene& s) {
-  std::vector<TexturedTriangles> worn(s.surface_inputs.size());
+std::vector<TexturedTriangles> textured_triangles(const Scene& s) {
+  std::vector<TexturedTriangles> triangles(s.surface_inputs.size());
   const auto of = [&](size_t triangle) -> TexturedTriangles* {
     const int32_t inputs = s.surface_inputs_of[size_t(s.meshes.surface[size_t(s.triangle_mesh[triangle])])];
-    return inputs >= 0 && s.surface_inputs[size_t(inputs)].tape >= 0 ? &worn[size_t(inputs)] : nullptr;
+    return inputs >= 0 && s.surface_inputs[size_t(inputs)].tape >= 0 ? &triangles[size_t(inputs)] : nullptr;
   };
   for (size_t t = 0; t < s.triangle_mesh.size(); ++t)
     if (TexturedTriangles* w = of(t)) ++w->count;
-  std::vector<size_t> met(worn.size(), 0);
+  std::vector<size_t> visited(triangles.size(), 0);
   for (size_t t = 0; t < s.triangle_mesh.size(); ++t) {
     TexturedTriangles* w = of(t);
-    if (w && met[size_t(w - worn.data())]++ % ((w->count - 1) / kTries + 1) == 0) w->tried.push_back(t);
+    if (w && visited[size_t(w - triangles.data())]++ % ((w->count - 1) / kTries + 1) == 0) w->tried.push_back(t);
   }
-  return worn;
+  return triangles;
 }
 
 size_t group_of(const Scene& s, size_t triangle) {
@@ -69,15 +69,16 @@ void add_outputs(const Scene& s, const Tape& tape, size_t triangle, size_t k, do
 }  // namespace
 
 void set_pattern_means(Scene& s) {
-  const std::vector<TexturedTriangles> worn = worn_triangles(s);
-  for (size_t i = 0; i < worn.size(); ++i) {
-    if (worn[i].tried.empty()) continue;
+  const std::vector<TexturedTriangles> triangles = textured_triangles(s);
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    if (triangles[i].tried.empty()) continue;
     SurfaceInputs& inputs = s.surface_inputs[i];
     double sum[kMostOutputs][3] = {};
-    for (size_t k = 0; k < worn[i].tried.size(); ++k) add_outputs(s, s.tapes[size_t(inputs.tape)], worn[i].tried[k], k, sum);
+    for (size_t k = 0; k < triangles[i].tried.size(); ++k)
+      add_outputs(s, s.tapes[size_t(inputs.tape)], triangles[i].tried[k], k, sum);
     for (InputSource& source : inputs.sources)
       for (int c = 0; c < 3 && source.output >= 0; ++c)
-        source.fallback[c] = float(sum[source.output][c] / double(worn[i].tried.size()));
+        source.fallback[c] = float(sum[source.output][c] / double(triangles[i].tried.size()));
   }
 }
 

@@ -82,11 +82,11 @@ std::vector<Found> objects_around(const Scene& scene, const vec3& p) {
     for (const Found& f : objects_along(scene, p, d * (1 / std::sqrt(dot(d, d))))) nearest.emplace(f.surface, f.distance);
     for (const auto& [surface, distance] : nearest) seen[surface].push_back(distance);
   }
-  std::vector<Found> bodies;
+  std::vector<Found> objects;
   for (auto& [surface, distances] : seen)
-    if (distances.size() >= 2) bodies.push_back({*std::min_element(distances.begin(), distances.end()), surface});
-  std::sort(bodies.begin(), bodies.end(), [](const Found& a, const Found& b) { return a.distance < b.distance; });
-  return bodies;
+    if (distances.size() >= 2) objects.push_back({*std::min_element(distances.begin(), distances.end()), surface});
+  std::sort(objects.begin(), objects.end(), [](const Found& a, const Found& b) { return a.distance < b.distance; });
+  return objects;
 }
 
 }  // namespace
@@ -100,7 +100,7 @@ void mark_media_boundaries(Scene& scene) {
   const size_t count = scene.surfaces.rows.size() / kSurfaceFields;
   interiors.per_length = float(1 / scene.scale);
   interiors.bounds_medium.assign(count, 0);
-  int bodies = 0;
+  int boundaries = 0;
   bool media = false;
   for (size_t i = 0; i < count; ++i) {
     const float* row = &scene.surfaces.rows[i * kSurfaceFields];
@@ -110,13 +110,13 @@ void mark_media_boundaries(Scene& scene) {
     if (scene.surface_inputs_of[i] >= 0) average_interior(scene, int32_t(i), open);
     media |= open[kOpenSubsurface] > 0;
     if (!(row[kTransmission] > 0)) continue;
-    interiors.bounds_medium[i] = 1, ++bodies;
+    interiors.bounds_medium[i] = 1, ++boundaries;
     const bool filled = has(open, kOpenExtinction);
     media |= filled;
     scene.has_thin |= filled && open[kOpenEta] == 1;
   }
-  interiors.followed = media || bodies > 1;
-  if (bodies > 1) join_objects(scene, interiors);
+  interiors.followed = media || boundaries > 1;
+  if (boundaries > 1) join_objects(scene, interiors);
 }
 
 void find_camera_media(Scene& scene) {

@@ -225,7 +225,8 @@ class Photons {
       const V local = frame.to_local(wo);
       const BsdfWithOpenPbr<W> bsdf(rows, alive, local, front);
       const B there = alive & scattered;
-      keep(there, there & (lanes.corner == I(0)) & follows_caustics<W>(bsdf), it.p, source, way + it.surface, weight, landed);
+      store_photons(there, there & (lanes.corner == I(0)) & follows_caustics<W>(bsdf), it.p, source, way + it.surface, weight,
+                    landed);
       if (!bsdf.any_preview) return;
       const Pair<W> u = sampler.link(I(vertex));
       const F lobe = sampler.single(I(vertex), Purpose::kLobe);
@@ -252,11 +253,12 @@ class Photons {
     }
   }
 
-  // Keeps photons `kept` of those that are `there`, with gradients where their neighbours took the same path.
-  static void keep(B there, B kept, const V& p, const V& source, I way, F weight, std::vector<CausticPhoton>& landed) {
+  // Stores photons `chosen` of those that are `there`, with gradients where their neighbours took the same path.
+  static void store_photons(B there, B chosen, const V& p, const V& source, I way, F weight,
+                            std::vector<CausticPhoton>& landed) {
     const auto at = [](const V& v, int i) { return vec3{v.x[i], v.y[i], v.z[i]}; };
     constexpr uint32_t all = (1u << kCorners) - 1;
-    for (uint32_t b = bits(kept); b; b &= b - 1) {
+    for (uint32_t b = bits(chosen); b; b &= b - 1) {
       const int i = __builtin_ctz(b);
       CausticPhoton photon{at(p, i), at(source, i), weight[i]};
       if ((bits(there) >> i & all) == all && way[i + 1] == way[i] && way[i + 2] == way[i]) {

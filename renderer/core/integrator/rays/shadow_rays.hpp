@@ -15,8 +15,8 @@ namespace primray {
 
 template <int W>
 PRIMRAY_RARE vvec3<W> straight_with_open_pbr(const SurfaceRows<W>& rows, vbool<W> active, const vvec3<W>& wo, vbool<W> front,
-                                             vfloat<W> beside) {
-  return straight_transmittance(BsdfWithOpenPbr<W>(rows, active, wo, front, beside));
+                                             vfloat<W> ior_outside) {
+  return straight_transmittance(BsdfWithOpenPbr<W>(rows, active, wo, front, ior_outside));
 }
 
 // Surface hit by a shadow ray, and its transmittance for light that continues straight.
@@ -27,9 +27,9 @@ struct ShadowStep {
   vvec3<W> through;
   vbool<W> overridden{false};  // boundaries of lower priority inside overlapping media
 
-  // `around`: medium stack along the ray, if media are followed; updated to the one behind the surface.
+  // `media`: medium stack along the ray, if media are followed; updated to the one behind the surface.
   PRIMRAY_INLINE ShadowStep(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& hits,
-                            ShadowMedia<W>* around)
+                            ShadowMedia<W>* media)
       : it(interact(scene, active, rays, hits)), front(dot(it.ng, rays.d) < vfloat<W>(0.0f)), through(vfloat<W>(0.0f)) {
     if (!scene.has_thin) return;
     const vfloat<W> z = clamp(abs(dot(it.ns, rays.d)), 0.0f, 1.0f);
@@ -41,8 +41,8 @@ struct ShadowStep {
       vvec3<W> unbent = it.ns;
       rows = evaluate_inputs(scene, active, hits, it.surface, vfloat<W>(0.0f), it.p, it.ng, unbent, varying);
     }
-    if (around) {
-      cross(scene, active, rays, hits.t, rows, wo, *around);
+    if (media) {
+      cross(scene, active, rays, hits.t, rows, wo, *media);
     } else {
       through = scene.surfaces.open_pbr.empty() ? straight_transmittance(Bsdf<W>(rows, active, wo, front))
                                                 : straight_with_open_pbr(rows, active, wo, front, vfloat<W>(1.0f));
@@ -50,13 +50,13 @@ struct ShadowStep {
     if (!scene.surfaces.hair.empty()) through = straight_through_hair(rows, active, front, through);
   }
   PRIMRAY_RARE void cross(const Scene& scene, vbool<W> active, const Rays<W>& rays, vfloat<W> t, const SurfaceRows<W>& rows,
-                          const vvec3<W>& wo, ShadowMedia<W>& around) {
-    const vvec3<W> left = medium_of(scene, around.stack).transmittance(t + around.lead), one(vfloat<W>(1.0f));
-    const Boundary<W> b(scene, active, around.stack, it.surface, front);
-    through = select(b.overridden, one, straight_with_open_pbr(rows, active, wo, front, b.beside)) * left;
+                          const vvec3<W>& wo, ShadowMedia<W>& media) {
+    const vvec3<W> left = medium_of(scene, media.stack).transmittance(t + media.origin_distance), one(vfloat<W>(1.0f));
+    const Boundary<W> b(scene, active, media.stack, it.surface, front);
+    through = select(b.overridden, one, straight_with_open_pbr(rows, active, wo, front, b.ior_outside)) * left;
     overridden = b.overridden;
-    around.stack = select(active, b.beyond, around.stack);
-    around.lead = select(active, lead_of(it.offset, it.ng, rays.d), around.lead);
+    media.stack = select(active, b.beyond, media.stack);
+    media.origin_distance = select(active, origin_distance_of(it.offset, it.ng, rays.d), media.origin_distance);
   }
   // Advances rays past the hit, towards the same end point: it may be so close to the light's surface that a ray aimed beside
   // it would hit that surface.
@@ -74,26 +74,26 @@ struct ShadowStep {
 
 // Transmittance and radiance scale over the last segment of shadow rays, which nothing blocks.
 template <int W>
-PRIMRAY_RARE vvec3<W> transmittance_at_end(const Scene& scene, const ShadowMedia<W>& around, const Rays<W>& rays) {
-  return medium_of(scene, around.stack).transmittance(rays.tfar + around.lead) * radiance_scale(scene, around.stack);
+PRIMRAY_RARE vvec3<W> transmittance_at_end(const Scene& scene, const ShadowMedia<W>& media, const Rays<W>& rays) {
+  return medium_of(scene, media.stack).transmittance(rays.tfar + media.origin_distance) * radiance_scale(scene, media.stack);
 }
 
 // Traces shadow rays through surfaces that let light pass straight, attenuates `carried`, and returns the lanes that arrive.
-// `around`: see ShadowStep. `passed`, if given, counts the surfaces passed by each ray.
+// `media`: see ShadowStep. `passed`, if given, counts the surfaces passed by each ray.
 template <int W>
 PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vvec3<W>& carried,
-                                ShadowMedia<W>* around, vint<W>* passed = nullptr) {
+                                ShadowMedia<W>* media, vint<W>* passed = nullptr) {
   const vfloat<W> zero(0.0f);
   vbool<W> arrived(false);
   while (any(active)) {
     if (recorder) recorder->record(false, true, active, rays);
     const Hits<W> hits = intersect(scene, true, active, rays);
     const vbool<W> hit = active & (hits.geom != vint<W>(-1));
-    if (around) carried = select(active & !hit, carried * transmittance_at_end(scene, *around, rays), carried);
+    if (media) carried = select(active & !hit, carried * transmittance_at_end(scene, *media, rays), carried);
     arrived |= active & !hit;
     active = hit;
     if (!any(active)) break;
-    const ShadowStep<W> step(scene, active, rays, hits, around);
+    const ShadowStep<W> step(scene, active, rays, hits, media);
     if (passed) *passed += select(active & !step.overridden, vint<W>(1), vint<W>(0));
     // Lanes that have arrived keep what they carry.
     carried = select(active, carried * step.through, carried);
@@ -110,7 +110,7 @@ PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool
 // are skipped. Geometry that is a light always hides its own far side, which is not a shadow. `passed`: see pass_thin().
 template <int W>
 PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vint<W> light,
-                                   ShadowMedia<W>* around, vint<W>* passed = nullptr) {
+                                   ShadowMedia<W>* media, vint<W>* passed = nullptr) {
   const vfloat<W> zero(0.0f), one(1.0f);
   const vint<W> none(-1);
   const LightTable& lights = scene.lights;
@@ -124,10 +124,10 @@ PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vb
     if (recorder) recorder->record(false, true, active, rays);
     const Hits<W> hits = intersect(scene, true, active, rays);
     const vbool<W> free = active & (hits.geom == none);
-    if (around) open = select(free, open * transmittance_at_end(scene, *around, rays), open);
+    if (media) open = select(free, open * transmittance_at_end(scene, *media, rays), open);
     active &= !free;
     if (!any(active)) break;
-    const ShadowStep<W> step(scene, active, rays, hits, around);
+    const ShadowStep<W> step(scene, active, rays, hits, media);
     if (any(active & has_body)) {
       const vbool<W> own = active & has_body & (emitter_light(scene, active, hits, step.it) == light);
       hidden |= own, active &= !own;

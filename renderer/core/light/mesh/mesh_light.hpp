@@ -133,11 +133,11 @@ struct PlaceBeforeMesh {
     const vfloat<W> inverse = 1.0f / dot(x, yz), far(1e9f), none(0.0f);
     p = vvec3<W>(dot(yz, to), dot(cross(z, x), to), dot(cross(x, y), to)) * inverse;
     const vfloat<W> size = max_component(abs(p));
-    const vbool<W> stands = size < far;  // false if not a number
-    p = select(stands, p, vvec3<W>(far));
+    const vbool<W> is_finite = size < far;  // false if not a number
+    p = select(is_finite, p, vvec3<W>(far));
     const vvec3<W> local(dot(x, normal), dot(y, normal), dot(z, normal));
     const vfloat<W> length2 = dot(local, local);
-    const vbool<W> known = stands & (length2 > none) & (length2 < vfloat<W>(kInfinity));
+    const vbool<W> known = is_finite & (length2 > none) & (length2 < vfloat<W>(kInfinity));
     n = select(known, local * (1.0f / sqrt(select(known, length2, vfloat<W>(1.0f)))), vvec3<W>(none));
   }
 };

@@ -78,14 +78,14 @@ PRIMRAY_RARE void sample_passing_sphere(const Scene& scene, vbool<W> m, vint<W> 
                                         vfloat<W> v, vfloat<W> time, LightSample<W>& s) {
   const SphereRowsNow<W> now(scene, m, light, time);
   const LightRow<W> row = now.row();
-  const vbool<W> passing = m & ((row.flags() & vint<W>(kMoving)) != vint<W>(0));
-  if (any(passing)) {
+  const vbool<W> moving = m & ((row.flags() & vint<W>(kMoving)) != vint<W>(0));
+  if (any(moving)) {
     LightSample<W> r;
-    to_world(row, passing, SphereLight::sample(row, p, row.to_light(p - row.vector(kOrigin)), u, v), r);
+    to_world(row, moving, SphereLight::sample(row, p, row.to_light(p - row.vector(kOrigin)), u, v), r);
     r.L = row.vector(kRadiance);
-    if (scene.lights.has_shaping) r.L *= moving_shaping(scene, row, passing, light, r.wi, time);
-    s.wi = select(passing, r.wi, s.wi), s.t = select(passing, r.t, s.t), s.L = select(passing, r.L, s.L);
-    s.pdf = select(passing, r.pdf, s.pdf);
+    if (scene.lights.has_shaping) r.L *= moving_shaping(scene, row, moving, light, r.wi, time);
+    s.wi = select(moving, r.wi, s.wi), s.t = select(moving, r.t, s.t), s.L = select(moving, r.L, s.L);
+    s.pdf = select(moving, r.pdf, s.pdf);
   }
   end_before_sphere(row, m, p, s);
 }

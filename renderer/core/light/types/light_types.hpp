@@ -29,7 +29,7 @@ using LightTypes =
     LightTypeList<SphereLight, DiskLight, RectLight, CylinderLight, DistantLight, PointLight, LineLight, DomeLight, MeshLight>;
 
 template <class T>
-concept MetLightType = requires(LightRow<1> row, vvec3<1> v) { T::hit(row, v, v, v); };
+concept HittableLightType = requires(LightRow<1> row, vvec3<1> v) { T::hit(row, v, v, v); };
 
 // Calls f(T{}) for each type.
 template <class F>
@@ -52,7 +52,7 @@ PRIMRAY_INLINE int light_center(const float* row) {
 // Whether rays can hit lights of that type, other than as geometry or as background.
 PRIMRAY_INLINE bool can_be_hit(LightType type) {
   bool found = false;
-  LightTypes::with(type, [&]<class T>(T) { found = MetLightType<T>; });
+  LightTypes::with(type, [&]<class T>(T) { found = HittableLightType<T>; });
   return found;
 }
 
