@@ -33,7 +33,7 @@ from . import core
 from .arrays import Doubles, Floats
 from .color.color_space import LUMINANCE_WEIGHTS
 from .description import Camera, CameraMotion, Light, LightType, Mesh, Placed, SceneDescription, Surface, TextureFile
-from .description.shading import CameraSight
+from .description.shading import CameraVisibility
 from .diagnostics import Diagnostics
 from .errors import SettingsError
 from .settings import SAMPLE_BLOCK, Ground, RenderSettings, StudioLight
@@ -178,8 +178,8 @@ def _with_ground(description: SceneDescription, ground: Ground, diagnostics: Dia
         points[k, forward] = middle[forward] + b * GROUND_SIZE * radius
     # The normal is along the up axis: z cross x is y, and x cross y is z.
     triangles = np.array([[0, 2, 1], [0, 3, 2]] if up == 1 else [[0, 1, 2], [0, 2, 3]], np.int32)
-    sight = CameraSight.HIDDEN if ground is Ground.SHADOW else CameraSight.SEEN
-    surface = Surface(GROUND, lambert=True, diffuse_color=(GROUND_ALBEDO,) * 3, camera=sight)
+    visibility = CameraVisibility.HIDDEN if ground is Ground.SHADOW else CameraVisibility.SEEN
+    surface = Surface(GROUND, lambert=True, diffuse_color=(GROUND_ALBEDO,) * 3, camera=visibility)
     center = points.mean(axis=0)
     mesh = Mesh(
         GROUND, np.asarray(points - center, np.float32), triangles, normals=None, colors=None, surface=len(description.surfaces)
@@ -336,7 +336,7 @@ class GroundShadow:
     def _shadowed(self) -> SceneDescription:
         """Return the scene with only the ground visible to the camera; the rest casts its shadow."""
         surfaces = tuple(
-            replace(surface, camera=CameraSight.SEEN if surface.path == GROUND else CameraSight.HIDDEN)
+            replace(surface, camera=CameraVisibility.SEEN if surface.path == GROUND else CameraVisibility.HIDDEN)
             for surface in self.description.surfaces
         )
         return replace(self.description, surfaces=surfaces)

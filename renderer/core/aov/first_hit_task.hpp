@@ -375,9 +375,9 @@ class FirstHitTask {
       if (!any(hit)) return;
       Interaction<W> it = interact(scene_, hit, p.ray, hits);
       B hidden(false);
-      if (scene_.camera_sights.any()) {
-        hidden = scene_.camera_sights.are(CameraSight::kHidden, hit & direct, it.surface);
-        hit &= !(hidden | scene_.camera_sights.are(CameraSight::kMatte, hit & direct, it.surface));
+      if (scene_.camera_visibility.any()) {
+        hidden = scene_.camera_visibility.lanes_with(CameraVisibility::kHidden, hit & direct, it.surface);
+        hit &= !(hidden | scene_.camera_visibility.lanes_with(CameraVisibility::kMatte, hit & direct, it.surface));
       }
       SurfaceRows<W> rows(scene_.surfaces, it.surface);
       LaneRows<W> varying;

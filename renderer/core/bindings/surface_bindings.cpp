@@ -82,10 +82,10 @@ void bind_surface(nb::module_& m) {
   nb::class_<HairInput> hair(m, "HairInput");
   hair.def(nb::init<>());
   for_each_hair_input([&](const char* name, InputRange, auto member) { def_input<HairInput>(hair, name, member); });
-  nb::enum_<CameraSight>(m, "CameraSight")
-      .value("seen", CameraSight::kSeen)
-      .value("hidden", CameraSight::kHidden)
-      .value("matte", CameraSight::kMatte);
+  nb::enum_<CameraVisibility>(m, "CameraVisibility")
+      .value("seen", CameraVisibility::kSeen)
+      .value("hidden", CameraVisibility::kHidden)
+      .value("matte", CameraVisibility::kMatte);
   nb::class_<SurfaceInput> surface(m, "SurfaceInput");
   surface.def(nb::init<>())
       .def_rw("lambert", &SurfaceInput::lambert)

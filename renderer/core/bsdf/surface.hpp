@@ -17,22 +17,22 @@ namespace primray {
 
 // Visibility of surfaces to the camera, directly or through transmissive surfaces: render passes hide shapes from it, or make
 // them mattes (holdouts).
-enum class CameraSight : int32_t { kSeen, kHidden, kMatte };
+enum class CameraVisibility : int32_t { kSeen, kHidden, kMatte };
 
-// Sights by surface; empty if all are visible.
-struct CameraSights {
+// Camera visibility by surface; empty if the camera sees all.
+struct CameraVisibilityTable {
   std::vector<int32_t> of_surface;
 
   bool any() const { return !of_surface.empty(); }
   // Adds the next surface.
-  void add(size_t surface, CameraSight sight) {
-    if (sight != CameraSight::kSeen) of_surface.resize(surface, 0);
-    if (sight != CameraSight::kSeen || any()) of_surface.push_back(int32_t(sight));
+  void add(size_t surface, CameraVisibility visibility) {
+    if (visibility != CameraVisibility::kSeen) of_surface.resize(surface, 0);
+    if (visibility != CameraVisibility::kSeen || any()) of_surface.push_back(int32_t(visibility));
   }
   template <int W>
-  vbool<W> are(CameraSight sight, vbool<W> m, vint<W> surface) const {
+  vbool<W> lanes_with(CameraVisibility visibility, vbool<W> m, vint<W> surface) const {
     if (!any()) return vbool<W>(false);
-    return m & (gather<W>(of_surface.data(), select(m, surface, vint<W>(0))) == vint<W>(int32_t(sight)));
+    return m & (gather<W>(of_surface.data(), select(m, surface, vint<W>(0))) == vint<W>(int32_t(visibility)));
   }
 };
 
@@ -53,7 +53,7 @@ struct SurfaceInput : VaryingInputs<vec3, float> {
   bool presence = false, thin = false;
   float opacity_threshold = 0;    // above 0: a cutout, opaque where present
   float dielectric_priority = 0;  // where objects overlap the higher one prevails
-  CameraSight camera = CameraSight::kSeen;
+  CameraVisibility camera = CameraVisibility::kSeen;
   std::optional<OpenPbrInput> open_pbr;
   std::optional<HairInput> hair;
 };

@@ -345,7 +345,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1 || (flags & kHair);
   }
   // Camera rays pass through hidden surfaces as if these were transmissive.
-  s.has_thin |= s.camera_sights.any();
+  s.has_thin |= s.camera_visibility.any();
   set_input_features(s);
   mark_media_boundaries(s);
   s.has_emission |= s.geometry_lights.any();

@@ -25,7 +25,7 @@ int32_t SceneBuilder::add_surface(const SurfaceInput& constants, std::vector<Inp
   const int32_t row = s.surfaces.add(constants);
   if (constants.dielectric_priority != 0) priorities.resize(size_t(row), 0.0f);
   if (constants.dielectric_priority != 0 || !priorities.empty()) priorities.push_back(constants.dielectric_priority);
-  s.camera_sights.add(size_t(row), constants.camera);
+  s.camera_visibility.add(size_t(row), constants.camera);
   return row;
 }
 

@@ -59,14 +59,14 @@ PRIMRAY_RARE void update_gap_marks(Round& round, vbool<W> straight, const Vertex
 template <int W>
 PRIMRAY_RARE void apply_camera_visibility(Round& round, int at, const PathLanes<W>& p, const SurfaceHit<W>& surface,
                                           vbool<W>& hit) {
-  const CameraSights& sights = round.scene.camera_sights;
+  const CameraVisibilityTable& visibility = round.scene.camera_visibility;
   const vbool<W> looks = hit & (p.depth == vint<W>(0));
-  if (const vbool<W> matte = sights.are(CameraSight::kMatte, looks, surface.it.surface); any(matte)) {
+  if (const vbool<W> matte = visibility.lanes_with(CameraVisibility::kMatte, looks, surface.it.surface); any(matte)) {
     reduce_alpha(round, matte, p);
     hit &= !matte;
     if (PathLog* const log = path_log<W>(round)) log->end(p, "a matte ends it");
   }
-  const vbool<W> hidden = sights.are(CameraSight::kHidden, looks, surface.it.surface);
+  const vbool<W> hidden = visibility.lanes_with(CameraVisibility::kHidden, looks, surface.it.surface);
   if (!any(hidden)) return;
   hit &= !hidden;
   if (PathLog* const log = path_log<W>(round)) log->add("pass", p).why = "the surface is hidden from the camera";

@@ -207,7 +207,7 @@ struct Scene {
   std::unique_ptr<Distortion> distortion;  // the camera's
   LightOutlines outlines;
   Interiors interiors;
-  CameraSights camera_sights;
+  CameraVisibilityTable camera_visibility;
   MotionTable motion;
 
   // world = origin + p / scale, in scene units.

@@ -534,7 +534,7 @@ class HairInput:
 
     cuticle_tilt: float
 
-class CameraSight(enum.Enum):
+class CameraVisibility(enum.Enum):
     seen = 0
 
     hidden = 1
@@ -560,9 +560,9 @@ class SurfaceInput:
     @dielectric_priority.setter
     def dielectric_priority(self, arg: float, /) -> None: ...
     @property
-    def camera(self) -> CameraSight: ...
+    def camera(self) -> CameraVisibility: ...
     @camera.setter
-    def camera(self, arg: CameraSight, /) -> None: ...
+    def camera(self, arg: CameraVisibility, /) -> None: ...
     @property
     def presence(self) -> bool: ...
     @presence.setter

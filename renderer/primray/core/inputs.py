@@ -27,7 +27,7 @@ def surface_input(surface: Surface) -> compiled.SurfaceInput:
     """Return the constants of a surface."""
     names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr", "hair", "camera")]
     made = filled(compiled.SurfaceInput(), **{name: getattr(surface, name) for name in names})
-    made.camera = compiled.CameraSight[surface.camera.value]
+    made.camera = compiled.CameraVisibility[surface.camera.value]
     lobes = surface.open_pbr
     if lobes is not None:
         made.open_pbr = filled(compiled.OpenPbrInput(), **{f.name: getattr(lobes, f.name) for f in fields(lobes)})

@@ -27,7 +27,7 @@ from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMoti
 from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances
 from .scene import Frame, PixelWindow, Placed, Prototype, SceneDescription
 from .shading import (
-    CameraSight,
+    CameraVisibility,
     Hair,
     Input,
     NodeOutput,
@@ -47,7 +47,7 @@ __all__ = [
     "AovRequest",
     "Camera",
     "CameraMotion",
-    "CameraSight",
+    "CameraVisibility",
     "Curves",
     "Direction",
     "DisplacedMesh",

@@ -113,7 +113,7 @@ Input = PrimvarInput | TextureInput | PatternInput
 DISPLACEMENTS = ("displacement", "displacement_tangent", "displacement_object")
 
 
-class CameraSight(Enum):
+class CameraVisibility(Enum):
     """Visibility of a shape to the camera, directly or through transparent surfaces; all other rays see it in any case."""
 
     SEEN = "seen"
@@ -152,7 +152,7 @@ class Surface:
     )
     open_pbr: OpenPbr | None = None  # if set, of the other fields only emission, opacity and thin have an effect
     hair: Hair | None = None  # if set, of the other fields only emission, opacity and thin have an effect
-    camera: CameraSight = CameraSight.SEEN
+    camera: CameraVisibility = CameraVisibility.SEEN
     inputs: tuple[tuple[str, Input], ...] = ()
     pattern: Pattern | None = None  # graph that its PatternInputs read
 

@@ -91,7 +91,7 @@ def _prepare(
     steps: Steps,
 ) -> Prepared:
     from .. import usd
-    from ..description import CameraSight
+    from ..description import CameraVisibility
     from ..description.picture_file import PLAIN
     from ..description.scene import is_lit_behind
     from ..report.report import resolve_settings
@@ -173,7 +173,7 @@ def _prepare(
     hidden = (
         scene.bounds is not None
         and bool(description.surfaces)
-        and all(surface.camera is CameraSight.HIDDEN for surface in description.surfaces)
+        and all(surface.camera is CameraVisibility.HIDDEN for surface in description.surfaces)
     )
     prepared = replace(prepared, ground_shadow=ground_shadow)
     return replace(prepared, assets=assets, labels=labels, stage=usd.stage_name(stage), hidden_from_camera=hidden)

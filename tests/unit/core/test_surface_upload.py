@@ -11,7 +11,7 @@ from tests.described import core_in_use
 from primray.core.inputs import surface_input
 from primray.core.surface_upload import with_constants, with_readable_inputs, without_pattern
 from primray.description import (
-    CameraSight,
+    CameraVisibility,
     NodeOutput,
     OpenPbr,
     Pattern,
@@ -32,9 +32,9 @@ LOBES = OpenPbr(coat_weight=0.5)
 
 def core() -> SimpleNamespace:
     """One whose inputs take anything."""
-    sights = {sight.value: sight for sight in CameraSight}
+    by_value = {visibility.value: visibility for visibility in CameraVisibility}
     return SimpleNamespace(
-        SurfaceInput=lambda: SimpleNamespace(open_pbr=None), OpenPbrInput=SimpleNamespace, CameraSight=sights
+        SurfaceInput=lambda: SimpleNamespace(open_pbr=None), OpenPbrInput=SimpleNamespace, CameraVisibility=by_value
     )
 
 
@@ -52,8 +52,8 @@ def test_other_surfaces_have_none() -> None:
 
 def test_what_the_camera_sees_is_handed_over() -> None:
     with core_in_use(core()):
-        for sight in CameraSight:
-            assert surface_input(Surface("/m", camera=sight)).camera is sight
+        for visibility in CameraVisibility:
+            assert surface_input(Surface("/m", camera=visibility)).camera is visibility
 
 
 def test_constants_take_their_place_among_the_lobes() -> None:

@@ -11,11 +11,11 @@ from functools import lru_cache
 
 from pxr import Usd, UsdGeom
 
-from ...description import CameraSight, Input, PrimvarInput, Surface
+from ...description import CameraVisibility, Input, PrimvarInput, Surface
 from ..primvars.reading import report_clamped_color, report_many_values
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim, element_count
-from ..scene.schemas import CAMERA_SIGHT
+from ..scene.schemas import SHAPE_VISIBILITY
 from ..stage.reads import interpolation
 from ..stage.values import read, token
 from .material import translated_material
@@ -38,25 +38,27 @@ class Appearance:
     varying_color: bool = False
     opacity: float = 1.0
     inputs: tuple[tuple[str, Input], ...] = ()
-    camera: CameraSight = CameraSight.SEEN
+    camera: CameraVisibility = CameraVisibility.SEEN
 
 
 def appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> Appearance:
     """Return the appearance of a shape that is bound to a material, or to none."""
-    found, camera = _appearance_of(prim, bound, ctx), camera_sight(prim, ctx)
-    return found if camera is CameraSight.SEEN else replace(found, camera=camera)
+    found, camera = _appearance_of(prim, bound, ctx), camera_visibility(prim, ctx)
+    return found if camera is CameraVisibility.SEEN else replace(found, camera=camera)
 
 
-def camera_sight(prim: ResolvedPrim, ctx: Context) -> CameraSight:
+def camera_visibility(prim: ResolvedPrim, ctx: Context) -> CameraVisibility:
     """Return how the camera sees a shape, as render_settings/render_pass.py has written it."""
-    if CAMERA_SIGHT not in prim.names:
-        return CameraSight.SEEN
-    said = token(prim.prim, CAMERA_SIGHT, ctx.when, CameraSight.SEEN.value)
+    if SHAPE_VISIBILITY not in prim.names:
+        return CameraVisibility.SEEN
+    said = token(prim.prim, SHAPE_VISIBILITY, ctx.when, CameraVisibility.SEEN.value)
     try:
-        return CameraSight(said)
+        return CameraVisibility(said)
     except ValueError:  # not written by a render pass
-        ctx.warn("out-of-range", prim.path, f"{CAMERA_SIGHT} = {said!r} is unknown: the camera sees the shape.", CAMERA_SIGHT)
-        return CameraSight.SEEN
+        ctx.warn(
+            "out-of-range", prim.path, f"{SHAPE_VISIBILITY} = {said!r} is unknown: the camera sees the shape.", SHAPE_VISIBILITY
+        )
+        return CameraVisibility.SEEN
 
 
 def _appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> Appearance:
@@ -92,24 +94,24 @@ def _varies(prim: ResolvedPrim, name: str) -> bool:
 def make_surface(appearance: Appearance, is_closed: Callable[[], bool], path: str, ctx: Context) -> Surface:
     """Return the appearance's surface on a shape; `is_closed` is called only for surfaces that transmit light."""
     made = _surface_of(appearance, is_closed, path, ctx)
-    camera = _matte_sight(made, path, ctx) if appearance.camera is CameraSight.MATTE else appearance.camera
+    camera = _matte_visibility(made, path, ctx) if appearance.camera is CameraVisibility.MATTE else appearance.camera
     return made if camera is made.camera else replace(made, camera=camera)
 
 
-def _matte_sight(surface: Surface, path: str, ctx: Context) -> CameraSight:
+def _matte_visibility(surface: Surface, path: str, ctx: Context) -> CameraVisibility:
     """Return what the camera sees of a matte shape: nothing holds out what lies behind a surface that is not there at all.
 
     A surface that is there in part holds out as much as a whole one, which is reported. Cut-outs are holes in any case.
     """
     if not surface.presence or surface.opacity_threshold > 0:
-        return CameraSight.MATTE
+        return CameraVisibility.MATTE
     varies = "opacity" in surface.varying
     if surface.opacity == 0 and not varies:
-        return CameraSight.HIDDEN
+        return CameraVisibility.HIDDEN
     if surface.opacity < 1 or varies:
         message = "The matte surface is partly transparent (presence), but holds out everything behind it."
         ctx.warn("render-settings-input", path, message, "collection:matte")
-    return CameraSight.MATTE
+    return CameraVisibility.MATTE
 
 
 def _surface_of(appearance: Appearance, is_closed: Callable[[], bool], path: str, ctx: Context) -> Surface:

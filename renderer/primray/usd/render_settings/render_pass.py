@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from pxr import Kind, Sdf, Usd, UsdGeom, UsdLux
 
-from ...description import CameraSight
+from ...description import CameraVisibility
 from ...diagnostics import Diagnostics
 from ...errors import SettingsError
-from ..scene.schemas import CAMERA_SIGHT, CAMERA_VISIBILITY, LEFT_OUT
+from ..scene.schemas import CAMERA_VISIBILITY, LEFT_OUT, SHAPE_VISIBILITY
 from ..stage.edits import MODEL, check_reach, deactivate, editable
 from ..stage.open import scratch_copy
 from ..stage.reads import computed, property_names, targets, type_name
@@ -168,7 +168,7 @@ def _hold_out(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
     if members is None:
         return
     for path in [prim.GetPath() for prim in drawable_prims(stage) if prim.GetPath() in members and _is_shape(prim)]:
-        _set_camera_sight(stage, path, CameraSight.MATTE)
+        _set_camera_visibility(stage, path, CameraVisibility.MATTE)
 
 
 def _hide_from_camera(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> None:
@@ -178,7 +178,7 @@ def _hide_from_camera(stage: Usd.Stage, members: frozenset[Sdf.Path] | None) -> 
     left_out = [prim for prim in drawable_prims(stage) if prim.GetPath() not in members]
     for path, is_shape, is_light in [(prim.GetPath(), _is_shape(prim), prim.HasAPI(UsdLux.LightAPI)) for prim in left_out]:
         if is_shape:
-            _set_camera_sight(stage, path, CameraSight.HIDDEN)
+            _set_camera_visibility(stage, path, CameraVisibility.HIDDEN)
         elif is_light:
             editable(stage, path).CreateAttribute(CAMERA_VISIBILITY[0], Sdf.ValueTypeNames.Bool).Set(False)
 
@@ -196,5 +196,5 @@ def _may_have_draw_mode(prim: Usd.Prim) -> bool:
     return "model:applyDrawMode" in names or MODEL in names
 
 
-def _set_camera_sight(stage: Usd.Stage, path: Sdf.Path, sight: CameraSight) -> None:
-    editable(stage, path).CreateAttribute(CAMERA_SIGHT, Sdf.ValueTypeNames.Token).Set(sight.value)
+def _set_camera_visibility(stage: Usd.Stage, path: Sdf.Path, visibility: CameraVisibility) -> None:
+    editable(stage, path).CreateAttribute(SHAPE_VISIBILITY, Sdf.ValueTypeNames.Token).Set(visibility.value)

@@ -125,8 +125,8 @@ CAMERA_VISIBILITY = (
 # Light group of a light: Karma's, RenderMan's (an input of its light's shader, or authored on the prim) and Arnold's.
 LIGHT_GROUPS = ("karma:light:lpetag", "ri:light:lightGroup", "inputs:ri:light:lightGroup", "primvars:arnold:aov")
 
-# Camera visibility of a shape, set by a render pass: one of description.CameraSight.
-CAMERA_SIGHT = "primray:camera"
+# Camera visibility of a shape, set by a render pass: one of description.CameraVisibility.
+SHAPE_VISIBILITY = "primray:camera"
 # Mark on a prim that a render pass excludes although it has members below.
 LEFT_OUT = "primray:leftOut"
 # Mark on a back plate's card: its own material binding counts, whatever stronger binding is above it.

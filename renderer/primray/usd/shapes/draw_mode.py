@@ -17,7 +17,7 @@ from pxr import Kind, Sdf, Tf, Usd, UsdGeom
 from ...arrays import Doubles
 from ...description import Interpolation, Mesh, Primvar, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 from ...textures.image_layout import read_matrix
-from ..materials.appearance import camera_sight
+from ..materials.appearance import camera_visibility
 from ..materials.texture_files import in_space
 from ..scene.bounds import is_deep
 from ..scene.color_spaces import color_in_rendering_space
@@ -194,13 +194,13 @@ def _texture(prim: ResolvedPrim, face: str, ctx: Context) -> str | None:
 def _surface(prim: ResolvedPrim, path: str | None, ctx: Context) -> Surface:
     color = _color(prim, ctx)
     if not path:
-        return Surface("", lambert=True, diffuse_color=color, camera=camera_sight(prim, ctx))
+        return Surface("", lambert=True, diffuse_color=color, camera=camera_visibility(prim, ctx))
     st, file = PrimvarInput("st", (0.0, 0.0)), in_space(TextureFile(path, "auto"), "auto", True, ctx)
     fallback = (*color, 1.0)
     rgb = TextureInput(file, "rgb", st, wrap_s=Wrap.CLAMP, wrap_t=Wrap.CLAMP, fallback=fallback)
     alpha = TextureInput(file, "a", st, wrap_s=Wrap.CLAMP, wrap_t=Wrap.CLAMP, fallback=fallback)
     inputs = (("diffuse_color", rgb), ("opacity", alpha))
-    camera = camera_sight(prim, ctx)
+    camera = camera_visibility(prim, ctx)
     return Surface(prim.path, diffuse_color=color, opacity_threshold=OPACITY_THRESHOLD, thin=True, inputs=inputs, camera=camera)
 
 
@@ -289,6 +289,6 @@ def _bars_along(prim: ResolvedPrim, lines: list[tuple[Doubles, Doubles]], width:
         normals=None,
         colors=None,
         surface=ctx.surfaces.index_of(
-            Surface("", lambert=True, diffuse_color=_color(prim, ctx), camera=camera_sight(prim, ctx))
+            Surface("", lambert=True, diffuse_color=_color(prim, ctx), camera=camera_visibility(prim, ctx))
         ),
     )

@@ -14,8 +14,8 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
-from ....description import CameraSight
-from ...scene.schemas import CAMERA_SIGHT, CAMERA_VISIBILITY
+from ....description import CameraVisibility
+from ...scene.schemas import CAMERA_VISIBILITY, SHAPE_VISIBILITY
 from ...stage.traversal import EXISTING_IN_INSTANCES, children, world_prims_in_instances
 from .document_marks import LOOK, NOTES
 from .layer_writing import attribute, write_messages
@@ -150,10 +150,10 @@ def _of_camera(
     is_seen = holds(effects.camera, True)
     if is_light:
         return [] if is_seen else [(variant, path, CAMERA_VISIBILITY[0], _T.Bool, False)]
-    sight = CameraSight.SEEN if is_seen else CameraSight.HIDDEN
+    visibility = CameraVisibility.SEEN if is_seen else CameraVisibility.HIDDEN
     if is_seen and holds(effects.matte, False):
-        sight = CameraSight.MATTE
-    return [] if sight is CameraSight.SEEN else [(variant, path, CAMERA_SIGHT, _T.Token, sight.value)]
+        visibility = CameraVisibility.MATTE
+    return [] if visibility is CameraVisibility.SEEN else [(variant, path, SHAPE_VISIBILITY, _T.Token, visibility.value)]
 
 
 def _over(variant: Sdf.PrimSpec, path: Sdf.Path) -> Sdf.PrimSpec:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pxr import Usd, UsdShade
 
-from primray.description import CameraSight, SceneDescription
+from primray.description import CameraVisibility, SceneDescription
 from primray.diagnostic_codes import Severity
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
@@ -100,8 +100,8 @@ def test_what_is_hidden_from_the_camera_is_there_for_others(tmp_path: Path) -> N
     stage = staged(tmp_path, look(RED, *seen))
     description, _ = translated(stage)
     by_path = {shape.path: description.surfaces[shape.surface].camera for shape in description.shapes}
-    assert by_path["/Model/a"] is CameraSight.HIDDEN
-    assert by_path["/Model/b/c"] is CameraSight.SEEN
+    assert by_path["/Model/a"] is CameraVisibility.HIDDEN
+    assert by_path["/Model/b/c"] is CameraVisibility.SEEN
     assert stage.GetAttributeAtPath("/Model/lamp.inputs:visibility:camera").Get() is False
 
 
@@ -119,7 +119,7 @@ def test_matte_holds_out(assigned: str, tmp_path: Path) -> None:
     }
     description, messages = translated(staged(tmp_path, properties + look(RED, elements[assigned])))
     sights = {shape.path[-1]: description.surfaces[shape.surface].camera for shape in description.shapes}
-    assert sights == {"a": CameraSight.SEEN, "c": CameraSight.MATTE, "d": CameraSight.MATTE}
+    assert sights == {"a": CameraVisibility.SEEN, "c": CameraVisibility.MATTE, "d": CameraVisibility.MATTE}
     assert not any("Look" in message for message in messages)
 
 
