@@ -128,7 +128,7 @@ PRIMRAY_INLINE LightHits<W> intersect_lights(const LightTable& lights, vbool<W> 
   const auto add_light = [&](int i, vbool<W> lanes) {
     // Intersect the light
     const float* row = lights.row(i);
-    const LightType type = LightType(int(row[kType]));
+    const LightType type = LightType(int_at(row, kType));
     if (!can_be_hit(type)) return;
     vvec3<W> L{F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])};
     const int32_t path = lights.motion.any() ? lights.motion.row(i) : -1;
@@ -136,7 +136,7 @@ PRIMRAY_INLINE LightHits<W> intersect_lights(const LightTable& lights, vbool<W> 
         path < 0 ? light_hit<W>(lights, i, from, p.ray.d, L) : moving_light_hit(lights, i, size_t(path), from, p.ray, L);
     const F t = h.t - p.travelled;
     vbool<W> hits_light = lanes & (h.pdf > F(0.0f));
-    const int flags = int(row[kLightFlags]);
+    const int flags = int_at(row, kLightFlags);
     if (flags & kHidden) hits_light &= !camera;
     if (linked) hits_light &= in_collection(lights.links, p.link, lights.light_link[i]);
     if (type == LightType::kDistant) {

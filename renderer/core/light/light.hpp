@@ -75,7 +75,7 @@ struct LightTable {
 template <int W>
 PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>& row, vbool<W> m, const vvec3<W>& wi,
                                       const ShapedLanes<W>* now = nullptr) {
-  const vint<W> number = select(m, truncate(row(kShaping)), vint<W>(0));
+  const vint<W> number = select(m, row.integer(kShaping), vint<W>(0));
   const vbool<W> shaped = number != vint<W>(0);
   const vvec3<W> one(vfloat<W>(1.0f));
   if (!any(shaped)) return one;
@@ -86,7 +86,7 @@ PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>
 // Shaping factor of one light that rays along wi hit.
 template <int W>
 PRIMRAY_INLINE vvec3<W> hit_shaping(const LightTable& table, const float* row, const vvec3<W>& wi) {
-  const int number = int(row[kShaping]);
+  const int number = int_at(row, kShaping);
   return number == 0 ? vvec3<W>(vfloat<W>(1.0f)) : shaping_factor(table.shaping, vint<W>(number), -wi);
 }
 
@@ -94,7 +94,7 @@ PRIMRAY_INLINE vvec3<W> hit_shaping(const LightTable& table, const float* row, c
 template <int W>
 PRIMRAY_INLINE void sample_images(const LightTable& table, const LightRow<W>& row, vbool<W> rects, const vvec3<W>& local,
                                   vfloat<W> u, vfloat<W> v, LocalSample<W>& s, vvec3<W>& L) {
-  const vint<W> image = truncate(row(kImage));
+  const vint<W> image = row.integer(kImage);
   const vfloat<W> size0 = row(kSize0), size1 = row(kSize1);
   for (vbool<W> left = rects & (image > vint<W>(0)); any(left);) {
     const int k = image[__builtin_ctz(bits(left))];
@@ -168,7 +168,7 @@ PRIMRAY_INLINE LightSample<W> row_sample(const LightTable& table, vint<W> light,
     }
   });
   if (const vbool<W> dome = is_type(type, LightType::kDome); any(dome))
-    sample_domes(table, dome, truncate(row(kSize1)), u, v, r);
+    sample_domes(table, dome, row.integer(kDomeIndex), u, v, r);
   if (table.has_shaping) r.L *= light_shaping(table, row, active & (r.pdf > vfloat<W>(0.0f)), r.wi);
   return r;
 }
@@ -190,7 +190,7 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* light, const vvec3<W>& p, cons
   const LightRow<W> row(light);
   vvec3<W> w = row.to_light(wi);
   vfloat<W> len(1.0f);
-  const bool sheared = int(light[kLightFlags]) & kSheared;
+  const bool sheared = int_at(light, kLightFlags) & kSheared;
   if (sheared) {
     len = length(w);
     w = w * (1.0f / len);
@@ -212,13 +212,13 @@ template <int W>
 PRIMRAY_INLINE LocalHit<W> light_hit(const LightTable& table, int i, const vvec3<W>& p, const vvec3<W>& wi, vvec3<W>& L) {
   const float* row = table.row(i);
   LocalHit<W> h = light_hit<W>(row, p, wi);
-  const int image = table.has_images() ? int(row[kImage]) : 0;
+  const int image = table.has_images() ? int_at(row, kImage) : 0;
   if (image == 0 || !any(h.pdf > vfloat<W>(0.0f))) return h;
   const LightRow<W> light(table, vint<W>(i));
   const vvec3<W> local = light.to_light(p - light.vector(kOrigin));
   vvec3<W> w = light.to_light(wi);
   const vfloat<W> len = length(w);
-  const bool sheared = int(row[kLightFlags]) & kSheared;
+  const bool sheared = int_at(row, kLightFlags) & kSheared;
   const vfloat<W> stretch = sheared ? row[kInverseDet] / (len * len * len) : vfloat<W>(1.0f);
   if (sheared) w = w * (1.0f / len);
   const vfloat<W> distance = sheared ? h.t * len : h.t;

@@ -29,7 +29,7 @@ struct ShadowLanes {
   PRIMRAY_INLINE ShadowLanes(const std::vector<float>& rows, vint<W> light) {
     const vint<W> at = light * vint<W>(kShadowFields);
     const auto field = [&](int k) { return gather<W>(rows.data() + k, at); };
-    casters = truncate(field(kCasters)), enabled = field(kCastsShadows) > vfloat<W>(0.0f);
+    casters = bit_cast<vint<W>>(field(kCasters)), enabled = field(kCastsShadows) > vfloat<W>(0.0f);
     color = {field(kShadowColor), field(kShadowColor + 1), field(kShadowColor + 2)};
     end = field(kShadowEnd), fade = field(kShadowFade), gamma = field(kShadowGamma);
   }

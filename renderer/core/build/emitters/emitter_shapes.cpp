@@ -50,7 +50,7 @@ bool put_rectangle(const ShapeHalves& halves, const daffine& world_from_group, f
   const double sizes = length(x) * length(y);
   if (!(sizes > 1e-30) || !(std::fabs(dot(x, y)) <= kClose * sizes)) return false;
   put(row, kMeshHalfX, x), put(row, kMeshHalfY, y);
-  row[kLightFlags] = float(int(row[kLightFlags]) | kRectangle);
+  put_int(row, kLightFlags, int_at(row, kLightFlags) | kRectangle);
   return true;
 }
 

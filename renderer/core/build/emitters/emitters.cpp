@@ -21,7 +21,7 @@ void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_grou
   copy_common_fields(light.row.data(), row);
   const vec3 L = placed_radiance(s, light, world_from_group);
   put(row, kEmissionFactor, dvec3(L));
-  row[kLightFlags] = float(int(row[kLightFlags]) | (light.own ? kOwnRadiance : 0));
+  put_int(row, kLightFlags, int_at(row, kLightFlags) | (light.own ? kOwnRadiance : 0));
   if (light.shaping) add_shaping(*light.shaping, world_from_group * light.group_from_object, row, s.lights);
 }
 
@@ -81,15 +81,15 @@ void put_path_bounds(const Scene& s, const ShapeWeight& w, size_t instance, floa
   if (least > 0) uneven = std::cbrt(axes[0] * axes[1] * axes[2]) / least;
   put(row, kMeshCenter, ball.center());
   row[kSize0] = float(ball.reach() * std::max(uneven, 1.0));
-  row[kLightFlags] = float(int(row[kLightFlags]) | kMoving);
+  put_int(row, kLightFlags, int_at(row, kLightFlags) | kMoving);
 }
 
 // `placement`, `instance`: see kMeshPlacement.
 void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& world_from_group, int placement, int instance) {
   float row[kLightFields] = {};
-  row[kType] = float(int(LightType::kMesh));
+  put_int(row, kType, int(LightType::kMesh));
   row[kDiffuseFactor] = row[kSpecularFactor] = row[kInverseDet] = 1;
-  row[kLightFlags] = float(int(kGeometry));
+  put_int(row, kLightFlags, int(kGeometry));
   const daffine& m = world_from_group;
   put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
   put(row, kMeshCenter, m.point(w.center()));
@@ -104,8 +104,7 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   }
   (!moves && put_rectangle(w.halves, m, row) ? s.emitters.rectangles : s.emitters.others) = true;
   const double share = w.light < 0 ? 1.0 : share_of(s.geometry_lights.all[w.light], row);
-  row[kSize1] = float(shape);
-  row[kMeshPlacement] = float(placement), row[kMeshInstance] = float(instance);
+  put_int(row, kMeshIndex, shape), put_int(row, kMeshPlacement, placement + 1), put_int(row, kMeshInstance, int32_t(instance));
   row[kImportance] = float(w.power * size * size * share);
   s.lights.rows.insert(s.lights.rows.end(), row, row + kLightFields);
   ++s.lights.count;
@@ -141,7 +140,7 @@ void add_sphere_row(Scene& s, const Group& group, int32_t curved_row, const daff
   // Every shape of a group has its row, even if it emits nothing.
   if (s.lights.count == before) s.lights.rows.resize(s.lights.rows.size() + kLightFields, 0.0f), ++s.lights.count;
   float* row = &s.lights.rows[size_t(s.lights.count - 1) * kLightFields];
-  row[kLightFlags] = float(int(row[kLightFlags]) | kGeometry);
+  put_int(row, kLightFlags, int_at(row, kLightFlags) | kGeometry);
   put_geometry_light(s, number, world_from_group, row);
   if (number >= 0) add_light_rules(s.geometry_lights.all[number].rules, s.scale, s.lights);
   set_lpe_end(s, number);
@@ -156,13 +155,14 @@ void add_moving_sphere_row(Scene& s, const Group& group, int32_t k, const daffin
   const PathBounds ball = path_bounds(s, instance, sphere.o, own_radius, sphere);
   const double reach = std::max(ball.reach(), kSmallestLight);
   float row[kLightFields] = {};
-  row[kType] = float(int(LightType::kSphere));
-  row[kLightFlags] = float(int(kGeometry | kMoving));
+  put_int(row, kType, int(LightType::kSphere));
+  put_int(row, kLightFlags, int(kGeometry | kMoving));
   row[kDiffuseFactor] = row[kSpecularFactor] = row[kInverseDet] = 1;
   for (const int field : {kAxisX, kInverseX})
     put(row, field, kHere.x), put(row, field + 3, kHere.y), put(row, field + 6, kHere.z);
   put(row, kOrigin, ball.center());
-  row[kSize0] = float(reach), row[kSize1] = float(k);
+  row[kSize0] = float(reach);
+  put_int(row, kPoseIndex, k);
   put_anchor(row, {kHere.x, kHere.y, kHere.z, ball.center()}, SphereLight::kAxial);
   const vec3 radiance = sphere_radiance(s, curved_row, number, world_from_group);
   put(row, kRadiance, dvec3(radiance));

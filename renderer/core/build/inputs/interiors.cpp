@@ -132,7 +132,7 @@ void find_camera_media(Scene& scene) {
   interiors.lit = scene.emitters.any() || lights.analytic_count > kMostLights;
   for (int i = 0; i < lights.analytic_count && !interiors.lit; ++i) {
     const float* row = lights.row(i);
-    const LightType type = LightType(int(row[kType]));
+    const LightType type = LightType(int_at(row, kType));
     if (type == LightType::kDistant || type == LightType::kDome) continue;
     interiors.lit = !objects_around(scene, {row[kOrigin], row[kOrigin + 1], row[kOrigin + 2]}).empty();
   }

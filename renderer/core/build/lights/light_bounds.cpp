@@ -122,7 +122,7 @@ LightBounds light_bounds(const LightTable& table, const float* row) {
   for (int a = 0; a < 3; ++a) b.low[a] = box.low[a], b.high[a] = box.high[a];
   put(b.center, 0, light_vector(row, light_center(row)));
   double intensity = power * spread.factor;
-  if (const int shaping = int(row[kShaping]); shaping != 0 && !(int(row[kLightFlags]) & kMoving)) {
+  if (const int shaping = int_at(row, kShaping); shaping != 0 && !(int_at(row, kLightFlags) & kMoving)) {
     const float* shaped = table.shaping.row(shaping);
     b.exact = true;
     const double reach = std::min(shaped[kReach] + 2e-3, std::numbers::pi);

@@ -79,7 +79,7 @@ class Walk {
       for (size_t a = 0; a < 2; ++a) b[a] = {std::min(b[a].low, on_film[a]), std::max(b[a].high, on_film[a])};
     }
     const float* row = scene_.lights.row(i);
-    if (LightType(int(row[kType])) == LightType::kSphere && !(int(row[kLightFlags]) & kSheared)) {
+    if (LightType(int_at(row, kType)) == LightType::kSphere && !(int_at(row, kLightFlags) & kSheared)) {
       // Refine by the planes through the camera that touch it.
       const dvec3 c = to_camera(light_vector(row, kOrigin));
       const auto touching = [&](double along, double sign) {
@@ -176,7 +176,7 @@ LightOutlines find_light_outlines(const Scene& scene) {
   std::vector<Pixel> found;
   Walk walk(scene);
   for (int i = 0; i < scene.lights.analytic_count; ++i)
-    if (!(int(scene.lights.row(i)[kLightFlags]) & kHidden)) walk.light(i, found);
+    if (!(int_at(scene.lights.row(i), kLightFlags) & kHidden)) walk.light(i, found);
   std::sort(found.begin(), found.end());
   found.erase(std::unique(found.begin(), found.end()), found.end());
   if (found.empty()) return made;

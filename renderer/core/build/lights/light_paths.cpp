@@ -47,7 +47,7 @@ void add_light_path(const LightInput& light, const dvec3& origin, double scale, 
   make_pose_segments(relative.data(), steps, path.places.data());
   path.origin = (light.world_from_light.o - origin) * scale;
   for (int i = first_row; i < table.count; ++i) {
-    const LightType type = LightType(int(table.row(i)[kType]));
+    const LightType type = LightType(int_at(table.row(i), kType));
     if (type == LightType::kDistant || type == LightType::kDome) continue;
     // Extent about the centre of rotation, given by its box.
     const LightBox box = light_box(table.row(i));

@@ -21,15 +21,15 @@ bool is_special(const LightRules& light) {
 void add_light_rules(const LightRules& light, double scale, LightTable& table) {
   const size_t row = size_t(table.count) - 1;
   const bool special = is_special(light);
-  float& flags = table.rows[row * kLightFields + kLightFlags];
-  flags = float(int(flags) | (light.visible_to_camera ? 0 : kHidden) | (special ? kSpecial : 0));
+  float* const own = &table.rows[row * kLightFields];
+  put_int(own, kLightFlags, int_at(own, kLightFlags) | (light.visible_to_camera ? 0 : kHidden) | (special ? kSpecial : 0));
   if (light.link != 0) table.light_link.resize(row + 1, 0), table.light_link[row] = light.link;
-  const bool dome = int(table.rows[row * kLightFields + kType]) == int(LightType::kDome);
+  const bool dome = int_at(own, kType) == int(LightType::kDome);
   table.ends.resize(row + 1, int32_t(kEndObject)), table.ends[row] = end_number(light.group, dome ? kEndDome : kEndLight);
   if (!special) return;
   table.shadow_rows.resize((row + 1) * kShadowFields, 0.0f);
   float* shadow = &table.shadow_rows[row * kShadowFields];
-  shadow[kCasters] = float(light.casters), shadow[kCastsShadows] = light.casts_shadows ? 1.0f : 0.0f;
+  put_int(shadow, kCasters, light.casters), shadow[kCastsShadows] = light.casts_shadows ? 1.0f : 0.0f;
   shadow[kShadowColor] = light.shadow_color.x, shadow[kShadowColor + 1] = light.shadow_color.y,
   shadow[kShadowColor + 2] = light.shadow_color.z;
   const bool ends = light.shadow_distance >= 0;
@@ -47,7 +47,7 @@ void finish_light_rules(LightTable& table) {
   for (const int32_t link : table.light_link)
     if (link < 0 || link >= limit) throw Error("internal", "a light's link names a collection that does not exist");
   for (size_t i = 0; i < table.shadow_rows.size(); i += kShadowFields)
-    if (table.shadow_rows[i + kCasters] != 0 && table.shadow_rows[i + kCasters] >= float(limit))
+    if (const int casters = int_at(&table.shadow_rows[i], kCasters); casters != 0 && casters >= limit)
       throw Error("internal", "a light's shadow link names a collection that does not exist");
   for (const DomeTraits& dome : table.dome_traits)
     if (dome.link != 0 && dome.link >= limit) throw Error("internal", "a dome's link names a collection that does not exist");
@@ -124,7 +124,7 @@ bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
     if (portals.count > 0) d.irradiance += d.mean * 0.5 * std::numbers::pi;
   }
   const bool sampled = d.sampled || portals.count > 0;
-  row[kSize1] = float(table.domes.size());
+  put_int(row, kDomeIndex, int32_t(table.domes.size()));
   row[kImportance] = float(d.irradiance);
   table.dome_light.push_back(sampled ? table.count : -1);
   table.dome_factors.push_back({light.diffuse, light.specular});
@@ -179,7 +179,7 @@ void put_surface(const LightInput& light, int image, LightTable& table, float* r
     if constexpr (requires { T::kAxial; }) put_anchor(row, f.m, T::kAxial);
   });
   const bool textured = light.type == LightType::kRect && image >= 0;
-  if (textured) row[kImage] = float(image + 1);
+  if (textured) put_int(row, kImage, image + 1);
   row[kImportance] = float(luminance(f.emission) * (textured ? table.images[image].mean : 1.0));
 }
 
@@ -188,7 +188,7 @@ void add_hierarchy(LightTable& table) {
   std::vector<int32_t> numbers;
   std::vector<LightBox> boxes;
   for (int i = 0; i < table.analytic_count; ++i) {
-    const LightType type = LightType(int(table.row(i)[kType]));
+    const LightType type = LightType(int_at(table.row(i), kType));
     const bool moves = table.motion.row(i) >= 0;
     if ((type == LightType::kDistant && table.row(i)[kSize0] > 0) || (moves && can_be_hit(type) && type != LightType::kDistant))
       table.hierarchy.far.push_back(i);
@@ -216,7 +216,7 @@ void copy_common_fields(const float* from, float* to) {
 void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table, int image) {
   float row[kLightFields] = {};
   put_common_fields(light, table, row);
-  row[kType] = float(int(light.type));
+  put_int(row, kType, int(light.type));
   row[kInverseDet] = 1;
   RowFrame f{light.world_from_light, dvec3(light.emission)};
   if (light.type == LightType::kDome) {
@@ -237,7 +237,7 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   put(row, kInverseX, inv.x), put(row, kInverseY, inv.y), put(row, kInverseZ, inv.z);
   if (f.flags & kSheared) row[kInverseDet] = float(std::fabs(1 / det));
   put(row, kRadiance, f.emission);
-  row[kLightFlags] = float(f.flags);
+  put_int(row, kLightFlags, f.flags);
   if (light.shaping && light.type != LightType::kDome && light.type != LightType::kDistant)
     add_shaping(*light.shaping, light.world_from_light, row, table);
   table.rows.insert(table.rows.end(), row, row + kLightFields);

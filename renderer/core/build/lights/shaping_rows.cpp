@@ -81,7 +81,7 @@ void add_shaping(const ShapingInput& s, const daffine& world_from_light, float* 
   const double lit = s.focus > 0 ? 1 / (s.focus + 1) : 1.0;  // mean of |cos|^focus over all directions
   double mean = lit + (1 - lit) * luminance(s.focus_tint);
   if (s.ies >= 0) {
-    row[kIesProfile] = float(s.ies + 1);
+    put_int(row, kIesProfile, s.ies + 1);
     put(row, kIesFrame, frame.x), put(row, kIesFrame + 3, frame.y), put(row, kIesFrame + 6, frame.z);
     // UsdLux ShapingAPI, inputs:shaping:ies:angleScale: theta / a; theta; (theta - pi) / -a + pi.
     const double a = s.ies_angle_scale, scale = a == 0 ? 1 : std::min(1 / std::fabs(a), kSteepest),
@@ -98,7 +98,7 @@ void add_shaping(const ShapingInput& s, const daffine& world_from_light, float* 
   row[kMean] = float(std::max(mean * 0.5 * (1 - std::cos(reach * (1 - 0.5 * softness))), 1e-4 * peak));
   table.shaping.rows.insert(table.shaping.rows.end(), row, row + kShapingFields);
   table.has_shaping = true;
-  light[kShaping] = float(table.shaping.rows.size() / kShapingFields);
+  put_int(light, kShaping, int32_t(table.shaping.rows.size() / kShapingFields));
 }
 
 }  // namespace primray

@@ -26,10 +26,10 @@ struct MeshPlace {
     AffineLanes<W>& to = world_from_group;
     to.x = row.vector(kAxisX), to.y = row.vector(kAxisY), to.z = row.vector(kAxisZ), to.o = row.vector(kOrigin);
     if (scene.motion.any_instances) {
-      const vint<W> placement = truncate(row(kMeshPlacement)), zero(0);
+      const vint<W> placement = row.integer(kMeshPlacement) - vint<W>(1), zero(0);
       const vbool<W> placed = m & (placement >= zero);
       const vint<W> first = gather<W>(scene.placement_instance.data(), select(placed, placement, zero));
-      if (any(placed)) move_instances(scene.motion, placed, first + truncate(row(kMeshInstance)), time, to);
+      if (any(placed)) move_instances(scene.motion, placed, first + row.integer(kMeshInstance), time, to);
     }
     if (scene.motion.any_points) {
       const vint<W> clock = gather<W>(scene.emitters.clock.data(), select(m, shape, vint<W>(0)));
@@ -255,7 +255,7 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
                                 vuint<W> number, vfloat<W> u, vfloat<W> v, vfloat<W> time, LightSample<W>& s) {
   const EmitterTable& table = scene.emitters;
   const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
-  const vint<W> shape = truncate(row(kSize1));
+  const vint<W> shape = row.integer(kMeshIndex);
   const vbool<W> whole = rectangles_of(table, m, row), parts = m & !whole;
   vfloat<W> probability(1.0f);
   vint<W> chosen(0);
@@ -294,8 +294,8 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   const vbool<W> usable = (distance > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity));
   const bool lights = scene.geometry_lights.any();
   const vbool<W> own = lights ? (row.flags() & vint<W>(kOwnRadiance)) != vint<W>(0) : vbool<W>(false);
-  vvec3<W> L = triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)),
-                                 b1, b2, own);
+  vvec3<W> L = triangle_emission(scene, m, triangle, vertex_base, row.integer(kMeshPlacement) - vint<W>(1),
+                                 row.integer(kMeshInstance), b1, b2, own);
   if (lights) L *= row.vector(kEmissionFactor);
   if (scene.lights.has_shaping) L *= emitter_shaping(scene, row, m, light, wi, time);
   s.wi = select(m, wi, s.wi), s.t = select(m, distance, s.t), s.L = select(m, L, s.L);
@@ -307,7 +307,7 @@ template <int W>
 PRIMRAY_INLINE vfloat<W> mesh_pdf(const Scene& scene, vbool<W> m, const LightRow<W>& row, vint<W> triangle, const vvec3<W>& p,
                                   const vvec3<W>& n, const vvec3<W>& d, vfloat<W> distance, vfloat<W> time) {
   const EmitterTable& table = scene.emitters;
-  const vint<W> shape = select(m, truncate(row(kSize1)), vint<W>(0)), first = gather<W>(table.first.data(), shape);
+  const vint<W> shape = select(m, row.integer(kMeshIndex), vint<W>(0)), first = gather<W>(table.first.data(), shape);
   triangle = select(m, triangle, first);
   const vbool<W> whole = rectangles_of(table, m, row), parts = m & !whole;
   const vfloat<W> whole_pdf = any(whole) ? MeshRectangle<W>(row).pdf(p, d, distance) : vfloat<W>(0.0f);

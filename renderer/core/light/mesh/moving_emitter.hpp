@@ -13,7 +13,8 @@ inline daffine emitter_pose(const Scene& scene, int light, float time) {
   const EmitterTable& table = scene.emitters;
   const int32_t instance = table.moving_instance[size_t(light)];
   const MovingInstances& in = *scene.motion.find(instance);
-  return scene.motion.at(in, uint32_t(instance - in.first), time) * table.frames[size_t(scene.lights.row(light)[kSize1])];
+  return scene.motion.at(in, uint32_t(instance - in.first), time) *
+         table.frames[size_t(int_at(scene.lights.row(light), kPoseIndex))];
 }
 
 // Variant of emitter_shaping() for scenes in which some lights move.
@@ -22,13 +23,13 @@ PRIMRAY_RARE vvec3<W> moving_shaping(const Scene& scene, const LightRow<W>& row,
                                      vfloat<W> time) {
   ShapedLanes<W> now{vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f)),
                      vvec3<W>(vfloat<W>(0.0f))};
-  for (uint32_t b = bits(m & (truncate(row(kShaping)) != vint<W>(0))); b; b &= b - 1) {
+  for (uint32_t b = bits(m & (row.integer(kShaping) != vint<W>(0))); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
     const float* own = scene.lights.row(light[i]);
-    const float* shaped = scene.lights.shaping.row(int(own[kShaping]));
+    const float* shaped = scene.lights.shaping.row(int_at(own, kShaping));
     ShapedFrame f{light_vector(shaped, kShapedAxis), light_vector(shaped, kIesFrame), light_vector(shaped, kIesFrame + 3),
                   light_vector(shaped, kIesFrame + 6)};
-    if (int(own[kLightFlags]) & kMoving) f = shaped_frame(emitter_pose(scene, light[i], time[i]));
+    if (int_at(own, kLightFlags) & kMoving) f = shaped_frame(emitter_pose(scene, light[i], time[i]));
     const auto set = [i](vvec3<W>& to, const dvec3& v) {
       to.x.set(i, float(v.x)), to.y.set(i, float(v.y)), to.z.set(i, float(v.z));
     };

@@ -50,7 +50,7 @@ inline void put_sphere_frame(daffine m, float* row) {
   put(row, kInverseX, inv.x), put(row, kInverseY, inv.y), put(row, kInverseZ, inv.z);
   if (row[kInverseDet] != 0) row[kInverseDet] = float(std::fabs(1 / m.determinant()));
   row[kSize0] = float(size);
-  row[kLightFlags] = float(int(row[kLightFlags]) | kSheared);
+  put_int(row, kLightFlags, int_at(row, kLightFlags) | kSheared);
   put_anchor(row, m, SphereLight::kAxial);
 }
 
@@ -66,7 +66,7 @@ struct SphereRowsNow {
       if (!m[i]) continue;
       const float* own = scene.lights.row(light[i]);
       std::copy(own, own + kLightFields, row);
-      if (int(own[kLightFlags]) & kMoving) put_sphere_frame(emitter_pose(scene, light[i], time[i]), row);
+      if (int_at(own, kLightFlags) & kMoving) put_sphere_frame(emitter_pose(scene, light[i], time[i]), row);
     }
   }
   LightRow<W> row() const { return LightRow<W>::by_lane(rows); }

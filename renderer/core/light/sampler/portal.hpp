@@ -54,7 +54,7 @@ PRIMRAY_RARE vfloat<W> dome_pdf(const LightTable& table, int k, const vvec3<W>& 
 template <int W>
 PRIMRAY_RARE void sample_portals(const LightTable& table, vbool<W> m, vint<W> light, const vvec3<W>& p, vfloat<W> choice,
                                  vfloat<W> u, vfloat<W> v, vfloat<W> time, LightSample<W>& s) {
-  const vint<W> dome = truncate(LightRow<W>(table, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])))(kSize1));
+  const vint<W> dome = LightRow<W>(table, select(m, light, vint<W>(light[__builtin_ctz(bits(m))]))).integer(kDomeIndex);
   for (int k = 0; k < int(table.domes.size()); ++k) {
     const LightTable& portals = table.portals[k];
     const vbool<W> mine = m & (dome == vint<W>(k));

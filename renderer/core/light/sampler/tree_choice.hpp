@@ -45,8 +45,8 @@ PRIMRAY_INLINE vfloat<W> light_weight(const LightTable& table, int i, const vvec
   if (const int32_t path = table.motion.any() ? table.motion.row(i) : -1; path >= 0)
     return passing_importance(table.motion.paths[size_t(path)], row, p);
   const vfloat<W> unshaped = light_importance(row, p);
-  const int shaping = int(row[kShaping]);
-  if (shaping == 0 || (int(row[kLightFlags]) & kMoving)) return unshaped;
+  const int shaping = int_at(row, kShaping);
+  if (shaping == 0 || (int_at(row, kLightFlags) & kMoving)) return unshaped;
   const vvec3<W> to = p - LightRow<W>(row).vector(light_center(row));
   return unshaped * shaping_importance(table.shaping, shaping, to);
 }

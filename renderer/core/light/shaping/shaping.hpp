@@ -99,7 +99,7 @@ PRIMRAY_RARE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, 
     const vvec3<W> tint = vector(kFocusTint);
     factor *= tint + (vvec3<W>(one) - tint) * focused;
   }
-  const vint<W> profile = truncate(get(kIesProfile));
+  const vint<W> profile = bit_cast<vint<W>>(get(kIesProfile));
   const vbool<W> has_profile = profile > vint<W>(0);
   if (any(has_profile)) {
     const vvec3<W> w = now ? now->x * e.x + now->y * e.y + now->z * e.z

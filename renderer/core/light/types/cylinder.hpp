@@ -103,7 +103,7 @@ struct CylinderLight : LightTypeDefaults {
   static double bounding_radius(const float* row) {
     const AxisLengths a(row);
     const double s0 = row[kSize0], s1 = row[kSize1];
-    return int(row[kLightFlags]) & kSheared ? s1 * a.x + s0 * std::hypot(a.y, a.z) : std::hypot(s0, s1);
+    return int_at(row, kLightFlags) & kSheared ? s1 * a.x + s0 * std::hypot(a.y, a.z) : std::hypot(s0, s1);
   }
   static TreeBounds tree_bounds(const float* row, LightBounds& b) {
     const double s0 = row[kSize0], s1 = row[kSize1];

@@ -155,7 +155,7 @@ struct DiskLight : FlatLight {
   static double bounding_radius(const float* row) {
     const AxisLengths a(row);
     const double r = row[kSize0];
-    return int(row[kLightFlags]) & kSheared ? r * std::hypot(a.x, a.y) : r;
+    return int_at(row, kLightFlags) & kSheared ? r * std::hypot(a.x, a.y) : r;
   }
   static TreeBounds tree_bounds(const float* row, LightBounds& b) {
     const double r = row[kSize0];

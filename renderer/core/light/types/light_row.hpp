@@ -1,4 +1,4 @@
-// Row of floats that describes one light, with the same layout for every type, and how lanes read it.
+// Row that describes one light, with the same layout for every type, and how lanes read it: floats, and integers as their bits.
 //
 // Area lights have a frame of their own without scale (their size is in kSize0, kSize1), so that sampling by solid angle there
 // is sampling by solid angle in world space; only a sheared frame changes it, by the Jacobian |det A| / |A w|^3 of directions
@@ -14,7 +14,7 @@
 
 namespace primray {
 
-// Values of a row's kType.
+// Values of a row's kType. Of its other fields kImage, kLightFlags, kShaping and those below are integers.
 enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome, kMesh, kLine };
 
 enum LightField : int {
@@ -28,7 +28,7 @@ enum LightField : int {
   kInverseZ = kInverseY + 3,
   kInverseDet = kInverseZ + 3,  // |det light_from_world|; 1 unless sheared
   kSize0,                       // half width, radius (of a mesh: bounding sphere), or 1 - cos of a distant light's half-angle
-  kSize1,                       // half height, half length, index of a dome, or index of a mesh in EmitterTable
+  kSize1,                       // half height or half length
   kRadiance,                    // radiance; of a point: radiant intensity; of a line: intensity per length; of a sun with angle
                                 // 0: irradiance
   kAnchor = kRadiance + 3,      // of a sphere or cylinder: a point of its surface near the core's origin, and its normal there
@@ -42,12 +42,16 @@ enum LightField : int {
   kShaping,  // 1 + index in ShapingTable; 0: none
   kLightFields,
   // Mesh lights have no inverse and no single radiance. In place of these they store the centre of the bounding sphere, half
-  // edges if the mesh is a rectangle, and the placement (-1: none) and its instance.
+  // edges if the mesh is a rectangle.
   kMeshCenter = kInverseX,
   kMeshHalfX = kInverseY,
   kMeshHalfY = kInverseZ,
-  kMeshPlacement = kRadiance,
-  kMeshInstance = kRadiance + 1
+  // Integers in the place of sizes or radiance that a type does not have.
+  kMeshPlacement = kRadiance,  // 1 + index of the placement; 0: none
+  kMeshInstance = kRadiance + 1,
+  kMeshIndex = kSize1,  // of the mesh in EmitterTable
+  kPoseIndex = kSize1,  // of a moving sphere's frame in EmitterTable
+  kDomeIndex = kSize1
 };
 enum LightFlag : int32_t {
   kSheared = 1,
@@ -94,8 +98,9 @@ struct LightRow {
     return uniform >= 0 ? vfloat<W>(rows[uniform + field]) : gather<W>(rows + field, offset);
   }
   PRIMRAY_INLINE vvec3<W> vector(int field) const { return {(*this)(field), (*this)(field + 1), (*this)(field + 2)}; }
-  PRIMRAY_INLINE vint<W> flags() const { return truncate((*this)(kLightFlags)); }
-  PRIMRAY_INLINE vint<W> type() const { return truncate((*this)(kType)); }
+  PRIMRAY_INLINE vint<W> integer(int field) const { return bit_cast<vint<W>>((*this)(field)); }
+  PRIMRAY_INLINE vint<W> flags() const { return integer(kLightFlags); }
+  PRIMRAY_INLINE vint<W> type() const { return integer(kType); }
   PRIMRAY_INLINE vvec3<W> to_light(const vvec3<W>& v) const {
     return vector(kInverseX) * v.x + vector(kInverseY) * v.y + vector(kInverseZ) * v.z;
   }

@@ -39,7 +39,7 @@ PRIMRAY_INLINE void for_light_types(const F& f) {
 // Calls f for the type of a light's row.
 template <class F>
 PRIMRAY_INLINE void with_light_type(const float* row, const F& f) {
-  LightTypes::with(LightType(int(row[kType])), f);
+  LightTypes::with(LightType(int_at(row, kType)), f);
 }
 
 // Field of the row that holds its centre.

@@ -13,7 +13,7 @@ struct MeshLight : LightTypeDefaults {
 
   template <int W>
   static PRIMRAY_INLINE vfloat<W> importance(const float* row, const vvec3<W>& to, vfloat<W> d2, vfloat<W> power) {
-    if (int(row[kLightFlags]) & kRectangle) {
+    if (int_at(row, kLightFlags) & kRectangle) {
       const LightRow<W> r(row);
       const vvec3<W> quarter = cross(r.vector(kMeshHalfX), r.vector(kMeshHalfY));  // a quarter of its area
       const vfloat<W> area = max(4 * length(quarter), kLeastNormal), far = 4 * abs(dot(quarter, to)) / (d2 * sqrt(d2));
@@ -30,7 +30,7 @@ struct MeshLight : LightTypeDefaults {
     return size > 0 ? row[kSize0] / size : without_size;
   }
   static double half_extent(const float* row, int axis) {
-    if (int(row[kLightFlags]) & kRectangle)
+    if (int_at(row, kLightFlags) & kRectangle)
       return double(std::fabs(row[kMeshHalfX + axis])) + std::fabs(row[kMeshHalfY + axis]);
     const AxisParts a(row, axis);
     return own_radius(row, 1e12) * std::sqrt(a.x * a.x + a.y * a.y + a.z * a.z);

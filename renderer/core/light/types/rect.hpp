@@ -186,7 +186,7 @@ struct RectLight : FlatLight {
   static double bounding_radius(const float* row) {
     const AxisLengths a(row);
     const double s0 = row[kSize0], s1 = row[kSize1];
-    return int(row[kLightFlags]) & kSheared ? s0 * a.x + s1 * a.y : std::hypot(s0, s1);
+    return int_at(row, kLightFlags) & kSheared ? s0 * a.x + s1 * a.y : std::hypot(s0, s1);
   }
   static TreeBounds tree_bounds(const float* row, LightBounds& b) {
     return spread_of(row, 4 * double(row[kSize0]) * double(row[kSize1]), b);

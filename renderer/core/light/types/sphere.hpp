@@ -74,7 +74,7 @@ struct SphereLight : LightTypeDefaults {
   static double bounding_radius(const float* row) {
     const AxisLengths a(row);
     const double r = row[kSize0];
-    return int(row[kLightFlags]) & kSheared ? r * std::hypot(a.x, a.y, a.z) : r;
+    return int_at(row, kLightFlags) & kSheared ? r * std::hypot(a.x, a.y, a.z) : r;
   }
   static TreeBounds tree_bounds(const float* row, LightBounds&) {
     const double r = row[kSize0];
