@@ -43,7 +43,7 @@ PRIMRAY_INLINE void bend_at_smooth(vbool<W> hit, const Interaction<W>& it, const
   using B = vbool<W>;
   using V = vvec3<W>;
   const F zero(0.0f), one(1.0f);
-  const vint<W> flags = truncate(rows(kFlags));
+  const vint<W> flags = rows.flags();
   const auto has = [&](SurfaceFlag flag) { return (flags & vint<W>(flag)) != vint<W>(0); };
   const F pass = rows(kTransmission);
   const B is_mirror = rows(kAlpha) == zero, is_clear = (pass > zero) & (is_mirror | !has(kOpenPbr));

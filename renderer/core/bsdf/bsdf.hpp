@@ -52,7 +52,7 @@ struct Bsdf {
       : Bsdf(SurfaceRows<W>(table, surface), active, wo, front) {}
   PRIMRAY_INLINE Bsdf(const SurfaceRows<W>& field, vbool<W> active, const vvec3<W>& wo, vbool<W> front) {
     const auto color = [&](int f) { return field.color(f); };
-    const vint<W> flags = truncate(field(kFlags));
+    const vint<W> flags = field.flags();
     diffuse = color(kDiffuse);
     preview = ((flags & vint<W>(kPreview)) != vint<W>(0)) & active;
     any_preview = any(preview);

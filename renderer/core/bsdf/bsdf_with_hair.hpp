@@ -25,7 +25,7 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
   BsdfWithHair(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front, F beside = F(1.0f),
                vbool<W> deep = vbool<W>(false))
       : Base(field, active, wo, front, beside, deep), is_hair(false) {
-    is_hair = active & ((truncate(field(kFlags)) & vint<W>(kHair)) != vint<W>(0));
+    is_hair = active & ((field.flags() & vint<W>(kHair)) != vint<W>(0));
     if (any(is_hair)) set_hair(field, active, wo, front);
   }
 
@@ -51,7 +51,7 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
  private:
   __attribute__((noinline)) void set_hair(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front) {
     all_hair = !any(active & !is_hair);
-    const vint<W> row = select(is_hair, truncate(field(kOpenPbrRow)), vint<W>(0));
+    const vint<W> row = select(is_hair, field.lobe_row(), vint<W>(0));
     hair.emplace(HairRows<W>{field.hair, row * vint<W>(kHairFields)}, wo);
     // Where light hits the far wall from within, it has already passed through the fibre.
     const vbool<W> within = is_hair & !front;
@@ -72,14 +72,14 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
 template <int W>
 PRIMRAY_INLINE vvec3<W> straight_through_hair(const SurfaceRows<W>& field, vbool<W> active, vbool<W> front,
                                               const vvec3<W>& other) {
-  const vbool<W> is_hair = active & ((truncate(field(kFlags)) & vint<W>(kHair)) != vint<W>(0));
+  const vbool<W> is_hair = active & ((field.flags() & vint<W>(kHair)) != vint<W>(0));
   return select(is_hair, vvec3<W>(select(front, 1.0f - field(kPresence), 1.0f)), other);
 }
 
 // Rotates the frames of hair in lanes `m` about their normals, until +x points along the fibre.
 template <int W>
 PRIMRAY_RARE void align_fibre(const SurfaceRows<W>& field, vbool<W> m, const vvec3<W>& along, Frame<vfloat<W>>& frame) {
-  m &= (truncate(field(kFlags)) & vint<W>(kHair)) != vint<W>(0);
+  m &= (field.flags() & vint<W>(kHair)) != vint<W>(0);
   if (!any(m)) return;
   const vvec3<W> t = along - frame.n * dot(along, frame.n);
   const vfloat<W> size2 = dot(t, t);

@@ -30,7 +30,7 @@ struct BsdfWithOpenPbr : Bsdf<W> {
   BsdfWithOpenPbr(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front, F beside = F(1.0f),
                   vbool<W> deep = vbool<W>(false))
       : Bsdf<W>(field, active, wo, front), is_open_pbr(false) {
-    is_open_pbr = active & ((truncate(field(kFlags)) & vint<W>(kOpenPbr)) != vint<W>(0));
+    is_open_pbr = active & ((field.flags() & vint<W>(kOpenPbr)) != vint<W>(0));
     if (any(is_open_pbr)) set_open_pbr(field, active, wo, front, beside, deep);
   }
 
@@ -70,7 +70,7 @@ struct BsdfWithOpenPbr : Bsdf<W> {
                                               F beside, vbool<W> deep) {
     const vbool<W> m = is_open_pbr;
     all_open_pbr = !any(active & !m);
-    const vint<W> row = select(m, truncate(field(kOpenPbrRow)), vint<W>(0));
+    const vint<W> row = select(m, field.lobe_row(), vint<W>(0));
     const OpenPbrRows<W> rows{field.open_pbr, row * vint<W>(kOpenPbrFields)};
     const OpenPbr<W>& o = open_pbr.emplace(rows, m, m & this->thin, wo, front, beside, deep);
     this->p_diffuse = select(m, o.p_diffuse + o.p_behind + o.p_fuzz, this->p_diffuse);
@@ -93,10 +93,10 @@ struct BsdfWithOpenPbr : Bsdf<W> {
 // Rotates the frames of OpenPBR surfaces in lanes `m` about their normals, until +x points along the projected tangent.
 template <int W>
 PRIMRAY_RARE void align_tangent(const SurfaceRows<W>& field, vbool<W> m, Frame<vfloat<W>>& frame) {
-  const vint<W> flags = truncate(field(kFlags));
+  const vint<W> flags = field.flags();
   m &= (flags & vint<W>(kOpenPbr)) != vint<W>(0);
   if (!any(m)) return;
-  const vint<W> row = select(m, truncate(field(kOpenPbrRow)), vint<W>(0));
+  const vint<W> row = select(m, field.lobe_row(), vint<W>(0));
   const vvec3<W> along = OpenPbrRows<W>{field.open_pbr, row * vint<W>(kOpenPbrFields)}.color(kOpenTangent);
   const vvec3<W> t = along - frame.n * dot(along, frame.n);
   const vfloat<W> size2 = dot(t, t);

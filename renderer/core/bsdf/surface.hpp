@@ -58,7 +58,7 @@ struct SurfaceInput : VaryingInputs<vec3, float> {
   std::optional<HairInput> hair;
 };
 
-// Columns of a row.
+// Columns of a row: floats, but for kFlags and kOpenPbrRow, which are integers as their bits.
 enum SurfaceField : int {
   kFlags,
   kDiffuse,                // albedo of the diffuse lobe
@@ -102,6 +102,11 @@ struct SurfaceValues : VaryingInputs<vvec3<W>, vfloat<W>> {
   }
 };
 
+template <int W>
+PRIMRAY_INLINE void put_flags(int32_t flags, vbool<W> emits, vfloat<W> (&row)[kSurfaceFields]) {
+  row[kFlags] = bit_cast<vfloat<W>>(select(emits, vint<W>(flags | kEmits), vint<W>(flags)));
+}
+
 // Computes the columns of W rows of the surface `s`, whose constants `v` may vary. With an opacity threshold, a surface is
 // either absent or opaque.
 template <int W>
@@ -114,7 +119,7 @@ PRIMRAY_INLINE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>
   const vbool<W> emits = max_component(v.emissive_color) > zero;
   // A Lambert surface that may be present only in part: a preview surface without specular reflection, F0 = F90 = 0.
   const bool preview = !s.lambert || s.presence;
-  row[kFlags] = F(float((preview ? kPreview : 0) | (s.thin ? kThin : 0))) + select(emits, F(float(kEmits)), zero);
+  put_flags((preview ? kPreview : 0) | (s.thin ? kThin : 0), emits, row);
   put(kEmission, v.emissive_color);
   const F there = s.opacity_threshold > 0 ? one : v.opacity;
   row[kPresence] = s.presence ? there : one;
@@ -151,14 +156,13 @@ PRIMRAY_INLINE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>
 // Computes the columns of an OpenPBR surface with row number `at`, approximated in terms of the preview surface.
 template <int W>
 PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& v, const OpenPbrValues<W>& o,
-                                 const vfloat<W> (&open)[kOpenPbrFields], vfloat<W> at, vfloat<W> (&row)[kSurfaceFields]) {
+                                 const vfloat<W> (&open)[kOpenPbrFields], vint<W> at, vfloat<W> (&row)[kSurfaceFields]) {
   using F = vfloat<W>;
   reduce_surface(s, v, row);
   const F one(1.0f), zero(0.0f), passes = (one - o.base_metalness) * o.transmission_weight;
   const auto put = [&](int field, const vvec3<W>& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
   const auto get = [&](int field) { return vvec3<W>(open[field], open[field + 1], open[field + 2]); };
-  row[kFlags] = F(float(kPreview | kOpenPbr | (s.thin ? kThin : 0))) +
-                select(max_component(v.emissive_color) > zero, F(float(kEmits)), zero);
+  put_flags(kPreview | kOpenPbr | (s.thin ? kThin : 0), max_component(v.emissive_color) > zero, row);
   put(kDiffuse, get(kOpenDiffuse) * (open[kOpenDiffuseWeight] * (one - o.base_metalness) * (one - o.transmission_weight)));
   const F e = (open[kOpenEta] - 1.0f) / (open[kOpenEta] + 1.0f);
   const vvec3<W> f0 = get(kOpenSpecularColor) * (e * e), metal = get(kOpenMetal) * open[kOpenMetalWeight];
@@ -171,19 +175,18 @@ PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& 
   row[kClearcoat] = o.coat_weight;
   row[kClearcoatAlpha] = sqrt(open[kOpenCoatAlphaT] * open[kOpenCoatAlphaB]);
   row[kClearcoatRoughness] = open[kOpenCoatRoughness], row[kClearcoatF0] = coat * coat;
-  row[kOpenPbrRow] = at;
+  row[kOpenPbrRow] = bit_cast<F>(at);
 }
 
 // Computes the columns of hair with row number `at`: approximated by a diffuse surface with the colour of light after a mean
 // distance through the fibre, pi / 2 radii.
 template <int W>
-PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& v, const HairValues<W>& hair, vfloat<W> at,
+PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& v, const HairValues<W>& hair, vint<W> at,
                                  vfloat<W> (&row)[kSurfaceFields]) {
   using F = vfloat<W>;
   reduce_surface(s, v, row);
   for (int field = kDiffuse; field < kEmission; ++field) row[field] = F(0.0f);
-  row[kFlags] =
-      F(float(kPreview | kHair | kThin)) + select(max_component(v.emissive_color) > F(0.0f), F(float(kEmits)), F(0.0f));
+  put_flags(kPreview | kHair | kThin, max_component(v.emissive_color) > F(0.0f), row);
   const auto transmittance = [](F absorption, F tint) {
     return tint * exp2_negative<W>(min(absorption, 80.0f) * -2.26618007f);
   };
@@ -192,11 +195,11 @@ PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& 
   row[kDiffuse + 2] = transmittance(hair.absorption.z, hair.tint_tt.z);
   row[kAlpha] = row[kRoughness] = F(1.0f);
   row[kTransmission] = row[kClearcoat] = F(0.0f);
-  row[kOpenPbrRow] = at;
+  row[kOpenPbrRow] = bit_cast<F>(at);
 }
 
 struct SurfaceTable {
-  std::vector<float> rows;      // kSurfaceFields floats per surface; kFlags holds the flags as a float (exact)
+  std::vector<float> rows;      // kSurfaceFields per surface
   std::vector<float> open_pbr;  // kOpenPbrFields floats each
   std::vector<float> hair;      // kHairFields floats each
   int32_t add(const SurfaceInput& s) {
@@ -205,13 +208,13 @@ struct SurfaceTable {
       const OpenPbrValues<1> values(*s.open_pbr);
       vfloat<1> open[kOpenPbrFields];
       reduce_open_pbr<1>(values, s.thin, open);
-      reduce_surface<1>(s, SurfaceValues<1>(s), values, open, vfloat<1>(float(open_pbr.size() / kOpenPbrFields)), row);
+      reduce_surface<1>(s, SurfaceValues<1>(s), values, open, vint<1>(int32_t(open_pbr.size() / kOpenPbrFields)), row);
       for (const vfloat<1>& f : open) open_pbr.push_back(f[0]);
     } else if (s.hair) {
       const HairValues<1> values(*s.hair);
       vfloat<1> fibre[kHairFields];
       reduce_hair<1>(values, fibre);
-      reduce_surface<1>(s, SurfaceValues<1>(s), values, vfloat<1>(float(hair.size() / kHairFields)), row);
+      reduce_surface<1>(s, SurfaceValues<1>(s), values, vint<1>(int32_t(hair.size() / kHairFields)), row);
       for (const vfloat<1>& f : fibre) hair.push_back(f[0]);
     } else {
       reduce_surface<1>(s, SurfaceValues<1>(s), row);
@@ -238,6 +241,9 @@ struct SurfaceRows {
     PRIMRAY_ASSERT(are_rows(surface, table.rows.size() / kSurfaceFields));
   }
   PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
+  PRIMRAY_INLINE vint<W> flags() const { return bit_cast<vint<W>>((*this)(kFlags)); }
+  // Row of an OpenPBR surface, or of hair, in its own table.
+  PRIMRAY_INLINE vint<W> lobe_row() const { return bit_cast<vint<W>>((*this)(kOpenPbrRow)); }
   // Reads three columns at once; no colour is the last of a row.
   PRIMRAY_INLINE vvec3<W> color(int field) const {
     const FourLanes<float, W> c = gather_four<W>(rows + field, base);

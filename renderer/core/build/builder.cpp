@@ -340,7 +340,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   s.indices.push_back(0);                          // the core does so for the last triangle
   for (size_t i = 0; i < s.surfaces.rows.size(); i += kSurfaceFields) {
     const float* row = &s.surfaces.rows[i];
-    const int flags = int(row[kFlags]);
+    const int flags = int_at(row, kFlags);
     s.has_emission |= (flags & kEmits) != 0;
     s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1 || (flags & kHair);
   }

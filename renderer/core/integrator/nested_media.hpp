@@ -72,8 +72,8 @@ PRIMRAY_RARE void shade_in_media(Round& round, int at, vbool<W> hit, vbool<W> sc
   MediumState<W> state = round.worker.medium_states->pool->template at<W>(at);
 
   // Find the surfaces that bound a subsurface medium, and the paths that leave it
-  const vbool<W> is_open = hit & ((truncate(rows(kFlags)) & vint<W>(kOpenPbr)) != vint<W>(0));
-  const OpenPbrRows<W> row{rows.open_pbr, select(is_open, truncate(rows(kOpenPbrRow)), vint<W>(0)) * vint<W>(kOpenPbrFields)};
+  const vbool<W> is_open = hit & ((rows.flags() & vint<W>(kOpenPbr)) != vint<W>(0));
+  const OpenPbrRows<W> row{rows.open_pbr, select(is_open, rows.lobe_row(), vint<W>(0)) * vint<W>(kOpenPbrFields)};
   const vbool<W> deep = is_open & (row(kOpenSubsurface) > F(0.0f)), in_subsurface = state.in_subsurface();
   const vbool<W> leaves = deep & in_subsurface & !surface.front & (p.depth < vint<W>(round.settings.max_depth));
   // A random walk that hits a front face has left unnoticed.

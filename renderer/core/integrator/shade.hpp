@@ -19,7 +19,7 @@ constexpr float kAhead = 0.25f, kBackAhead = 16;
 // Returns the lanes that hit hair from within.
 template <int W>
 PRIMRAY_RARE vbool<W> is_within_fibre(const SurfaceHit<W>& surface) {
-  return ((truncate(surface.rows(kFlags)) & vint<W>(kHair)) != vint<W>(0)) & !surface.front;
+  return ((surface.rows.flags() & vint<W>(kHair)) != vint<W>(0)) & !surface.front;
 }
 
 // Returns the lanes in which the side of the surface that the ray came from is certain. Where rounding hides it, the path ends:

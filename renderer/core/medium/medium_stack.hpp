@@ -85,7 +85,7 @@ template <int W>
 PRIMRAY_INLINE OpenPbrRows<W> object_rows(const Scene& scene, vint<W> surface) {
   const vbool<W> is = surface >= vint<W>(0);
   const SurfaceRows<W> rows(scene.surfaces, select(is, surface, vint<W>(0)));
-  const vint<W> row = select(is, truncate(rows(kOpenPbrRow)), vint<W>(0));
+  const vint<W> row = select(is, rows.lobe_row(), vint<W>(0));
   return {scene.surfaces.open_pbr.data(), row * vint<W>(kOpenPbrFields)};
 }
 

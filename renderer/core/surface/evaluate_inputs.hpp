@@ -280,7 +280,7 @@ PRIMRAY_RARE void put_open_pbr(const SurfaceInput& s, const SurfaceValues<W>& va
                                vfloat<W> (&row)[kSurfaceFields], LaneRows<W>& out) {
   vfloat<W> columns[kOpenPbrFields];
   reduce_open_pbr(open, s.thin, columns);
-  reduce_surface(s, values, open, columns, to_float(lane_numbers<W>()), row);
+  reduce_surface(s, values, open, columns, lane_numbers<W>(), row);
   for (uint32_t b = bits(m); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
     for (int f = 0; f < kOpenPbrFields; ++f) out.open_pbr[i * kOpenPbrFields + f] = columns[f][i];
@@ -292,7 +292,7 @@ PRIMRAY_RARE void put_hair(const SurfaceInput& s, const SurfaceValues<W>& values
                            vfloat<W> (&row)[kSurfaceFields], LaneRows<W>& out) {
   vfloat<W> columns[kHairFields];
   reduce_hair(hair, columns);
-  reduce_surface(s, values, hair, to_float(lane_numbers<W>()), row);
+  reduce_surface(s, values, hair, lane_numbers<W>(), row);
   for (uint32_t b = bits(m); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
     for (int f = 0; f < kHairFields; ++f) out.hair[i * kHairFields + f] = columns[f][i];
@@ -303,10 +303,10 @@ PRIMRAY_RARE void copy_hair(const SurfaceTable& table, vbool<W> m, LaneRows<W>& 
   for (uint32_t b = bits(m); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
     float* row = out.rows + i * kSurfaceFields;
-    if (!(int(row[kFlags]) & kHair)) continue;
-    std::memcpy(out.hair + i * kHairFields, table.hair.data() + int(row[kOpenPbrRow]) * kHairFields,
+    if (!(int_at(row, kFlags) & kHair)) continue;
+    std::memcpy(out.hair + i * kHairFields, table.hair.data() + int_at(row, kOpenPbrRow) * kHairFields,
                 kHairFields * sizeof(float));
-    row[kOpenPbrRow] = float(i);
+    put_int(row, kOpenPbrRow, i);
   }
 }
 template <int W>
@@ -314,10 +314,10 @@ PRIMRAY_RARE void copy_open_pbr(const SurfaceTable& table, vbool<W> m, LaneRows<
   for (uint32_t b = bits(m); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
     float* row = out.rows + i * kSurfaceFields;
-    if (!(int(row[kFlags]) & kOpenPbr)) continue;
-    std::memcpy(out.open_pbr + i * kOpenPbrFields, table.open_pbr.data() + int(row[kOpenPbrRow]) * kOpenPbrFields,
+    if (!(int_at(row, kFlags) & kOpenPbr)) continue;
+    std::memcpy(out.open_pbr + i * kOpenPbrFields, table.open_pbr.data() + int_at(row, kOpenPbrRow) * kOpenPbrFields,
                 kOpenPbrFields * sizeof(float));
-    row[kOpenPbrRow] = float(i);
+    put_int(row, kOpenPbrRow, i);
   }
 }
 

@@ -186,10 +186,10 @@ void average_row(const Scene& scene, int32_t surface, float (&row)[kSurfaceField
   vfloat<1> columns[kSurfaceFields], open_columns[kOpenPbrFields];
   if (means.open) {
     reduce_open_pbr(*means.open, means.constants.thin, open_columns);
-    const vfloat<1> at(scene.surfaces.rows[size_t(surface) * kSurfaceFields + kOpenPbrRow]);
+    const vint<1> at(int_at(&scene.surfaces.rows[size_t(surface) * kSurfaceFields], kOpenPbrRow));
     reduce_surface(means.constants, means.values, *means.open, open_columns, at, columns);
   } else if (means.hair) {
-    const vfloat<1> at(scene.surfaces.rows[size_t(surface) * kSurfaceFields + kOpenPbrRow]);
+    const vint<1> at(int_at(&scene.surfaces.rows[size_t(surface) * kSurfaceFields], kOpenPbrRow));
     reduce_surface(means.constants, means.values, *means.hair, at, columns);
   } else {
     reduce_surface(means.constants, means.values, columns);

@@ -104,9 +104,9 @@ void mark_media_boundaries(Scene& scene) {
   bool media = false;
   for (size_t i = 0; i < count; ++i) {
     const float* row = &scene.surfaces.rows[i * kSurfaceFields];
-    const int flags = int(row[kFlags]);
+    const int flags = int_at(row, kFlags);
     if (!(flags & kOpenPbr) || (flags & kThin)) continue;
-    float* open = &scene.surfaces.open_pbr[size_t(row[kOpenPbrRow]) * kOpenPbrFields];
+    float* open = &scene.surfaces.open_pbr[size_t(int_at(row, kOpenPbrRow)) * kOpenPbrFields];
     if (scene.surface_inputs_of[i] >= 0) average_interior(scene, int32_t(i), open);
     media |= open[kOpenSubsurface] > 0;
     if (!(row[kTransmission] > 0)) continue;

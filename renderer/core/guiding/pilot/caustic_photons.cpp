@@ -27,10 +27,10 @@ namespace {
 constexpr size_t kMostTargets = 4096;
 
 bool casts(const float* row) {
-  if (!(int(row[kFlags]) & kPreview) || row[kPresence] <= 0) return false;
-  const bool clear = !(int(row[kFlags]) & kOpenPbr) || row[kAlpha] < kCasterAlpha;  // UsdPreviewSurface does not blur
-                                                                                    // transmission
-  const bool passes = row[kTransmission] > 0 && !(int(row[kFlags]) & kThin) && clear;
+  if (!(int_at(row, kFlags) & kPreview) || row[kPresence] <= 0) return false;
+  const bool clear = !(int_at(row, kFlags) & kOpenPbr) || row[kAlpha] < kCasterAlpha;  // UsdPreviewSurface does not blur
+                                                                                       // transmission
+  const bool passes = row[kTransmission] > 0 && !(int_at(row, kFlags) & kThin) && clear;
   const bool reflects = row[kAlpha] < kCasterAlpha && std::max({row[kF0], row[kF0 + 1], row[kF0 + 2]}) > 0.01f;
   return passes || reflects || (row[kClearcoat] > 0 && row[kClearcoatAlpha] < kCasterAlpha);
 }
