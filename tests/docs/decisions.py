@@ -17,6 +17,7 @@ TOPICS = {
     "instances": "Instances and what is handed down to them",
     "geometry": "Meshes, subdivision, far and huge coordinates",
     "textures": "Textures",
+    "volumes": "Volumes",
     "surfaces": "Materials and BSDFs",
     "lights": "Lights",
     "domes": "Domes",

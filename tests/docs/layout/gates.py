@@ -57,6 +57,7 @@ DEFAULT_TIMES = {
 }
 RAY = (f"{SERVICE}/executor/ray/driver", f"{SERVICE}/executor/ray/node")
 OBJECTS = {"fsspec", "s3fs", "boto3", "botocore"}
+BLOSC = "renderer/primray/volumes/vdb_values.py"
 SQL = {"sqlalchemy", "alembic", "sqlite3", "psycopg"}
 
 Gate = Callable[[PurePosixPath, str], Iterator[str]]
@@ -114,6 +115,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
                 yield "imports ray outside executor/ray/driver and executor/ray/node: the server has no Ray in its process"
             if root in OBJECTS and path != PurePosixPath(f"{SERVICE}/objects.py"):
                 yield f"imports {root} outside objects.py"
+            if root == "blosc" and str(path) != BLOSC:
+                yield "imports blosc outside volumes/vdb_values.py"
             if root in SQL and not is_under(path, f"{SERVICE}/store"):
                 yield f"imports {root} outside store/"
     if is_under(path, "renderer/core") and path.suffix in (".cpp", ".hpp", ".h"):

@@ -31,7 +31,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
     ),
     "requests": ("lens", "camera", "aovs", "lpe", "settings"),
     "scene description": ("color", "description", "photometry"),
-    "translation": ("textures", "tessellation", "usd"),
+    "translation": ("textures", "volumes", "tessellation", "usd"),
     "core": ("core",),
     "rendering": ("sampling", "staging", "images", "denoising", "report", "checkpoints", "distributed", "render"),
     "tools": ("diagnosis", "incremental", "live", "compare"),
