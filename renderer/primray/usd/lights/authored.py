@@ -6,8 +6,6 @@ Inputs without an effect, such as the shaping of a light without an area, are no
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Generic, TypeVar
 
 import numpy as np
 from pxr import Sdf, UsdLux
@@ -18,6 +16,7 @@ from ...description.lighting import Photometric
 from ..materials.texture_files import light_texture
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
+from ..stage.read_once import ReadOnce
 from ..stage.reads import targets
 from ..stage.values import flag, number, read, token
 from .light_color import ENABLED, Color, Illuminant, light_color, read_illuminant
@@ -32,21 +31,6 @@ _FORMATS = ("automatic", "latlong", "mirroredBall", "angular", "cubeMapVerticalC
 COOLEST_K, HOTTEST_K = 1000.0, 10000.0  # the range of UsdLux.BlackbodyTemperatureAsRgb
 
 
-T = TypeVar("T")
-
-
-class _ReadOnce(Generic[T]):
-    """A property that is computed on first use; functools.cached_property also locks, which takes longer than a read."""
-
-    def __init__(self, read: Callable[[Any], T]) -> None:
-        self._read, self._name = read, read.__name__
-
-    def __get__(self, light: AuthoredLight, owner: type[AuthoredLight]) -> T:
-        found: T = self._read(light)
-        light.__dict__[self._name] = found
-        return found
-
-
 class AuthoredLight:
     """The inputs of one light, in the rendering space and within their ranges; what is wrong with them is reported."""
 
@@ -57,21 +41,21 @@ class AuthoredLight:
     def warn(self, code: str, message: str, attribute: str = "") -> None:
         self.ctx.warn(code, self.prim.path, message, attribute)
 
-    @_ReadOnce
+    @ReadOnce
     def amount(self) -> Photometric | None:
         """Lumens or lux that the light is to give; None if its radiance counts."""
         return read_amount(self.prim, lambda: self.illuminant, self.ctx)
 
-    @_ReadOnce
+    @ReadOnce
     def normalizes(self) -> bool:
         """Whether emission is divided by the area: normalize is on, or a photometric amount is given."""
         return self.amount is not None or self._flag("inputs:normalize")
 
-    @_ReadOnce
+    @ReadOnce
     def illuminant(self) -> Illuminant | None:
         return read_illuminant(self.prim, self.ctx)
 
-    @_ReadOnce
+    @ReadOnce
     def radiance(self) -> Color:
         """Radiance before division by the light's size."""
         r, g, b = light_color(self.prim, "inputs:color", (1.0, 1.0, 1.0), self.ctx)
@@ -86,55 +70,55 @@ class AuthoredLight:
             r, g, b = r * x, g * y, b * z
         return (r * scale, g * scale, b * scale)
 
-    @_ReadOnce
+    @ReadOnce
     def width(self) -> float:
         return self._size("inputs:width", 1.0)
 
-    @_ReadOnce
+    @ReadOnce
     def height(self) -> float:
         return self._size("inputs:height", 1.0)
 
-    @_ReadOnce
+    @ReadOnce
     def radius(self) -> float:
         return self._size("inputs:radius", 0.5)
 
-    @_ReadOnce
+    @ReadOnce
     def length(self) -> float:
         return self._size("inputs:length", 1.0)
 
-    @_ReadOnce
+    @ReadOnce
     def angle_deg(self) -> float:
         """Full angle of a distant light."""
         return self._clamped("inputs:angle", 0.53, 0.0, 360.0)
 
-    @_ReadOnce
+    @ReadOnce
     def is_point(self) -> bool:
         """Whether a sphere is treated as a point."""
         return flag(self.prim.prim, "treatAsPoint", self.ctx.when, False)
 
-    @_ReadOnce
+    @ReadOnce
     def is_line(self) -> bool:
         """Whether a cylinder is treated as a line."""
         return flag(self.prim.prim, "treatAsLine", self.ctx.when, False)
 
-    @_ReadOnce
+    @ReadOnce
     def diffuse(self) -> float:
         return self._clamped("inputs:diffuse", 1.0, 0.0, BRIGHTEST_RADIANCE)
 
-    @_ReadOnce
+    @ReadOnce
     def specular(self) -> float:
         return self._clamped("inputs:specular", 1.0, 0.0, BRIGHTEST_RADIANCE)
 
-    @_ReadOnce
+    @ReadOnce
     def shaping(self) -> Shaping | None:
         return read_shaping(self.prim, self.ctx)
 
-    @_ReadOnce
+    @ReadOnce
     def pole_axis(self) -> str:
         """DomeLight_1's token."""
         return token(self.prim.prim, "poleAxis", self.ctx.when, "scene")
 
-    @_ReadOnce
+    @ReadOnce
     def texture(self) -> TextureFile | None:
         """Texture of a dome or rectangle; None, with a diagnostic, if its file is missing."""
         if TEXTURE not in self.prim.names:
@@ -147,7 +131,7 @@ class AuthoredLight:
             return None
         return light_texture(asset.resolvedPath, self.prim.prim.GetAttribute(TEXTURE), self.prim, self.ctx)
 
-    @_ReadOnce
+    @ReadOnce
     def texture_format(self) -> str:
         """Layout of a dome's texture."""
         layout = token(self.prim.prim, "inputs:texture:format", self.ctx.when, "automatic")
