@@ -154,6 +154,15 @@ def one_rule_for_no_frame(path: PurePosixPath, text: str) -> Iterator[str]:
             yield f"reads defaults in line {node.lineno}: stage/values.py knows what is read where there is none"
 
 
+def one_reader_of_shading_networks(path: PurePosixPath, text: str) -> Iterator[str]:
+    """authored.py reads each attribute of a network once; materialx/ writes layers, appearance.py reads shapes."""
+    folder = f"{USD}/materials"
+    if path.suffix != ".py" or not is_under(path, folder) or is_under(path, f"{folder}/materialx"):
+        return
+    if str(path) not in (f"{folder}/authored.py", f"{folder}/appearance.py") and re.search(r"\.Get(Attribute|Input)\(", text):
+        yield f"reads attributes of a shading network: {folder}/authored.py does"
+
+
 def without_comments(text: str) -> str:
     return re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
 
@@ -182,6 +191,7 @@ GATES: tuple[Gate, ...] = (
     one_gate_per_dependency,
     one_place_for_what_is_asked_of_a_stage,
     one_rule_for_no_frame,
+    one_reader_of_shading_networks,
     names_say_something,
     files_say_what_they_are,
     no_section_banners,

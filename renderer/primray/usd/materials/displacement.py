@@ -7,18 +7,16 @@ space.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-
-from pxr import Usd
 
 from ...description import Input, NodeOutput, Operand, Pattern, PatternInput, PrimvarInput, Surface
 from ...description.shading import reads_view
 from ...settings import RenderContext
 from ..scene.context import Context
+from .authored import AuthoredPrim
 from .material_primvars import SURFACE_SHADERS
 from .materialx.expressions import MOST_NODES, TooManyNodesError
-from .network import Constant, Node, as_numbers, find_source, node_path, text
+from .network import Constant, Network, Node, as_numbers
 from .node_values import FedInputs, NodeValues, definition_of
 from .surface_inputs import NO_PRIMVAR, Reducer, appended, pruned
 
@@ -37,10 +35,10 @@ class _Found:
 
 
 def displaced(
-    surface: Surface, material: Usd.Prim, names: Sequence[str], shader: Node | None, path: str, ctx: Context
+    surface: Surface, network: Network, material: AuthoredPrim, shader: Node | None, path: str, ctx: Context
 ) -> Surface:
-    """Return the surface with its displacement; `names`: the material's properties, `shader`: its surface shader."""
-    found = _found(material, names, shader, path, ctx)
+    """Return the surface with its displacement; `shader`: the material's surface shader."""
+    found = _found(network, material, shader, path, ctx)
     if found is None:
         return surface
     value, pattern = found.value, surface.pattern
@@ -52,17 +50,18 @@ def displaced(
     return replace(surface, inputs=(*surface.inputs, (found.name, value)), pattern=pattern)
 
 
-def _found(material: Usd.Prim, names: Sequence[str], shader: Node | None, path: str, ctx: Context) -> _Found | None:
+def _found(network: Network, material: AuthoredPrim, shader: Node | None, path: str, ctx: Context) -> _Found | None:
     """Return the displacement of a material's first displacement terminal, else of its UsdPreviewSurface; None without one."""
+    names = material.names
     first = _TERMINALS[:: 1 if ctx.settings.render_context is RenderContext.MTLX else -1]
     terminals = [name for name in first if name in names]
     for terminal in terminals:
-        source = find_source(material.GetAttribute(terminal), ctx)
+        source = network.source(material.attribute(terminal))
         if isinstance(source, Node):
             return _of_shader(source, terminal, path, ctx)
     others = sorted(name for name in names if name.startswith("outputs:") and name.endswith(":displacement"))
     for terminal in (name for name in others if name not in terminals):
-        source = find_source(material.GetAttribute(terminal), ctx)
+        source = network.source(material.attribute(terminal))
         if isinstance(source, Node):
             _note_unknown(source, terminal, path, ctx)
     return _of_preview(shader, ctx) if shader is not None and shader.id in SURFACE_SHADERS else None
@@ -87,7 +86,7 @@ def _of_shader(shader: Node, terminal: str, path: str, ctx: Context) -> _Found |
         return None
     along = ALONG_NORMAL
     if wide:
-        along = ALONG_AXES if text(shader, "space", "tangent", ctx) == "object" else ALONG_TANGENTS
+        along = ALONG_AXES if shader.text("space", "tangent") == "object" else ALONG_TANGENTS
     if not isinstance(value, NodeOutput):
         return _of_constant(along, value if isinstance(value, tuple) else ())
     reduced = Reducer(values.expressions.nodes).input(value, 3 if wide else 1)
@@ -111,13 +110,12 @@ def _of_constant(along: str, value: tuple[float, ...]) -> _Found | None:
 
 def _of_preview(shader: Node, ctx: Context) -> _Found | None:
     """Return the displacement of UsdPreviewSurface's `displacement` input."""
-    attribute = shader.prim.GetAttribute("inputs:displacement")
-    source = find_source(attribute, ctx) if attribute else None
+    source = shader.source("displacement")
     if isinstance(source, Constant):
         values = as_numbers(source.value)
         if values is None or len(values) != 1:
             message = f"displacement = {source.value!r} is not a finite number: {_STAYS}."
-            ctx.warn("wrong-type", node_path(shader, ctx), message, "inputs:displacement")
+            shader.warn("wrong-type", message, "inputs:displacement")
             return None
         return _of_constant(ALONG_NORMAL, values)
     if source is None:
@@ -125,7 +123,7 @@ def _of_preview(shader: Node, ctx: Context) -> _Found | None:
     fed = FedInputs(ctx)
     made = fed.read(shader, source, "displacement", 1)
     if made is None:
-        ctx.warn("displacement", node_path(shader, ctx), f"displacement cannot be read: {_STAYS}.", "inputs:displacement")
+        shader.warn("displacement", f"displacement cannot be read: {_STAYS}.", "inputs:displacement")
     if isinstance(made, PatternInput):
         pattern, inputs = fed.pattern_of({ALONG_NORMAL: made})
         return _Found(ALONG_NORMAL, inputs[ALONG_NORMAL], pattern)

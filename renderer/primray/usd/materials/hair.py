@@ -9,10 +9,10 @@ from dataclasses import fields
 from ...description import Hair, Input, NodeOutput, Operand, Surface
 from ...description.shading import HAIR_PREFIX
 from ..scene.context import Context
-from ..stage.reads import property_names
-from .materialx.definitions import Definition
+from .authored import INPUT
+from .materialx.definitions import Definition, definition
 from .materialx.expressions import MOST_NODES, Expressions, TooManyNodesError, hair_node
-from .network import Node, find_source, node_path
+from .network import Node
 from .node_values import NodeValues, definition_of
 from .surface_inputs import Reducer, pruned
 
@@ -27,15 +27,14 @@ _Read = Callable[[dict[str, Operand], Expressions], dict[str, Operand]]
 _NEUTRAL = (0.3,)  # azimuthal roughness for UsdPreviewSurface, which has only one roughness
 
 
-def hair_bsdf(shader: Node, ctx: Context) -> Node | None:
+def hair_bsdf(shader: Node) -> Node | None:
     """Return the hair BSDF that is connected to a surface constructor (ND_surface), None for any other BSDF."""
-    attribute = shader.prim.GetAttribute("inputs:bsdf")
-    source = find_source(attribute, ctx) if attribute else None
+    source = shader.source("bsdf")
     if not isinstance(source, Node) or source.id != BSDF:
         return None
-    others = sorted(str(n) for n in property_names(shader.prim) if n.startswith("inputs:") and n != "inputs:bsdf")
+    others = sorted(INPUT + name for name in shader.shader.inputs if name != "bsdf")
     if others:
-        ctx.warn("material-input", node_path(shader, ctx), f"Inputs without effect on hair: {', '.join(others)}.", others[0])
+        shader.warn("material-input", f"Inputs without effect on hair: {', '.join(others)}.", others[0])
     return source
 
 
@@ -48,7 +47,7 @@ def hair_surface(bsdf: Node, path: str, ctx: Context) -> Surface | None:
         for name in ("normal", "curve_direction"):
             if name in given:
                 message = f"{name} has no effect: hair fibres have their own."
-                ctx.warn("material-input", node_path(bsdf, ctx), message, f"inputs:{name}")
+                bsdf.warn("material-input", message, INPUT + name)
         return {**{i.name: i.default for i in found.inputs if i.default is not None}, **given}
 
     return _surface(bsdf, found, read, path, ctx)
@@ -60,13 +59,13 @@ def preview_hair(shader: Node, path: str, ctx: Context) -> Surface | None:
     diffuseColor is the colour of many such fibres, roughness the longitudinal roughness, and ior the fibre's index of
     refraction; other inputs have no effect.
     """
-    found = definition_of(Node(shader.prim, shader.output, _PREVIEW))
+    found = definition(_PREVIEW)
     assert found is not None
 
     def read(given: dict[str, Operand], e: Expressions) -> dict[str, Operand]:
         used = ("diffuseColor", "roughness", "ior")
         if unused := sorted(name for name in given if name not in used):
-            ctx.warn("material-input", node_path(shader, ctx), f"Inputs without effect on hair: {', '.join(unused)}.")
+            shader.warn("material-input", f"Inputs without effect on hair: {', '.join(unused)}.")
         color, along = given.get("diffuseColor", (0.18,) * 3), given.get("roughness", (0.5,))
         widths = {"longitudinal": along, "azimuthal": _NEUTRAL, "scale_TT": (0.5,), "scale_TRT": (2.0,)}
         colored = {"color": color, "azimuthal_roughness": _NEUTRAL}

@@ -10,7 +10,7 @@ import math
 import re
 from dataclasses import dataclass, field, replace
 
-from pxr import Usd, UsdShade
+from pxr import Usd
 
 from ...description import Input, PrimvarInput, Surface, TextureInput
 from ...diagnostics import Diagnostic, Diagnostics
@@ -18,11 +18,11 @@ from ...settings import RenderContext
 from ..scene.context import Context, MaterialKey
 from ..scene.inheritance import Inherited
 from ..scene.notes import RENDERERS, note_document, note_unknown_schemas
-from ..stage.reads import property_names
 from ..stage.values import flag, number
+from .authored import AuthoredPrim
 from .material_primvars import COLOR_INPUTS, SURFACE_SHADERS
 from .materialx.document_marks import NOTES
-from .network import Constant, Node, as_numbers, constant_color, find_source, module_of, node_path, parameter
+from .network import Constant, Network, Node, as_numbers, constant_color
 from .node_values import FedInputs
 from .surface_inputs import NO_PRIMVAR
 from .translated_material import Material
@@ -83,25 +83,26 @@ def translate_uncached(key: MaterialKey, ctx: Context) -> tuple[Material, list[D
     """Translate a material regardless of the cache; its diagnostics are returned, and not added to the context."""
     path, outer = key
     told = Diagnostics(ctx.diagnostics.shown)
-    prim = ctx.stage.GetPrimAtPath(path)
-    made = _translate(UsdShade.Material(prim), ctx.shown(str(path)), replace(ctx, outer_colors=outer, diagnostics=told))
+    ctx = replace(ctx, outer_colors=outer, diagnostics=told)
+    network = Network(ctx)
+    material = network.at(path)
+    made = Material(None) if material is None else _translate(network, material, ctx.shown(str(path)), ctx)
     return made, list(told)
 
 
-def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:
+def _translate(network: Network, material: AuthoredPrim, path: str, ctx: Context) -> Material:
     """Translate the first surface output that leads to a supported shader.
 
     The settings decide whether MaterialX's output or the universal one is tried first; other renderers' outputs come last.
     """
-    prim = usd_material.GetPrim()
-    names = [str(name) for name in property_names(prim)]  # GetSurfaceOutputs is twenty times slower
+    names = material.names  # GetSurfaceOutputs is twenty times slower
     if NOTES in names:
-        note_document(prim, path, ctx)
+        note_document(material.prim, path, ctx)
     if any(name.endswith(":volume") for name in names):
-        _note_volumes(usd_material, path, ctx)
-    made, shader = _surface(prim, names, path, ctx)
+        _note_volumes(network, material, path, ctx)
+    made, shader = _surface(network, material, path, ctx)
     moves = any(name.endswith(":displacement") for name in names)
-    if not moves and (shader is None or shader.id not in SURFACE_SHADERS or not shader.prim.HasAttribute(_DISPLACEMENT)):
+    if not moves and (shader is None or shader.id not in SURFACE_SHADERS or shader.shader.attribute(_DISPLACEMENT) is None):
         return made
     if made.surface is None:
         if moves:
@@ -109,16 +110,17 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
         return made
     from .displacement import displaced
 
-    return replace(made, surface=displaced(made.surface, prim, names, shader, path, ctx))
+    return replace(made, surface=displaced(made.surface, network, material, shader, path, ctx))
 
 
-def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple[Material, Node | None]:
+def _surface(network: Network, material: AuthoredPrim, path: str, ctx: Context) -> tuple[Material, Node | None]:
     """Return the material without displacement, and its UsdPreviewSurface or MaterialX shader, if any."""
+    prim, names = material.prim, material.names
     outputs = [name.removeprefix("outputs:") for name in names if name == "outputs:surface" or _SURFACE.fullmatch(name)]
     others, first = [], _OUTPUTS[ctx.settings.render_context]
     foreign: list[tuple[str, Node]] = []  # outputs with shaders of other renderers
     for output in sorted(outputs, key=lambda name: first.index(name) if name in first else len(first)):
-        source = find_source(prim.GetAttribute(f"outputs:{output}"), ctx)
+        source = network.source(material.attribute(f"outputs:{output}"))
         if isinstance(source, Node):
             if source.id in SURFACE_SHADERS:
                 _note_unread(outputs, output, path, ctx)
@@ -130,7 +132,7 @@ def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple
             if (made := _other_model(source, path, ctx)) is not None:
                 _note_unread(outputs, output, path, ctx)
                 return _with_priority(made, prim, ctx) if PRIORITY in names else made, source
-            others.append(f"{source.id or module_of(source) or 'a shader without id'} at outputs:{output}")
+            others.append(f"{source.id or source.shader.module or 'a shader without id'} at outputs:{output}")
             foreign.insert(
                 len(foreign) if output in first else 0, (output, source)
             )  # a renderer's own output comes before the universal one
@@ -152,14 +154,14 @@ def _other_model(source: Node, path: str, ctx: Context) -> Material | None:
         if source.id == "ND_surface":
             from .hair import hair_bsdf, hair_surface
 
-            bsdf = hair_bsdf(source, ctx)
+            bsdf = hair_bsdf(source)
             return None if bsdf is None else Material(hair_surface(bsdf, path, ctx))
         from .models.surface_nodes import known_material
 
         made = known_material(source, path, ctx)
         if made is not None:
             return made
-    if module_of(source):
+    if source.shader.module:
         from .mdl.modules import mdl_material
 
         return mdl_material(source, path, ctx)
@@ -196,25 +198,23 @@ def _with_priority(made: Material, prim: Usd.Prim, ctx: Context) -> Material:
     return replace(made, surface=replace(made.surface, dielectric_priority=priority))
 
 
-def _note_volumes(usd_material: UsdShade.Material, path: str, ctx: Context) -> None:
+def _note_volumes(network: Network, material: AuthoredPrim, path: str, ctx: Context) -> None:
     """Report volume shaders, which are not rendered."""
-    for context in ("", "mtlx"):
-        output = usd_material.GetVolumeOutput(context)
-        source = find_source(output.GetAttr(), ctx) if output else None
+    for output in ("outputs:volume", "outputs:mtlx:volume"):
+        source = network.source(material.attribute(output))
         if isinstance(source, Node):
             message = f"Volumes are not rendered: {source.id or 'a shader without id'} is ignored."
-            ctx.warn("shader-ignored", path, message, str(output.GetFullName()))
+            ctx.warn("shader-ignored", path, message, output)
 
 
 def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
-    names = {str(name).removeprefix("inputs:") for name in property_names(shader.prim) if name.startswith("inputs:")}
-    at = node_path(shader, ctx)
-    _note_inputs(shader, names, at, ctx)
+    names = set(shader.shader.inputs)
+    _note_inputs(shader, names, ctx)
     found = _SurfaceInputs()
     for name in (name for name in _SLOTS if name in names):
-        _read_slot(shader, name, found, at, ctx)
+        _read_slot(shader, name, found, ctx)
     constants = found.constants
-    threshold = _number(shader, "opacityThreshold", 0.0, at, ctx) if "opacityThreshold" in names else 0.0
+    threshold = _number(shader, "opacityThreshold", 0.0, ctx) if "opacityThreshold" in names else 0.0
     if "opacity" not in found.varying:
         if threshold > 0:  # a cut-out, whatever opacityMode: opaque from the threshold up, else invisible
             if constants.get("opacity", (1.0,))[0] < threshold:
@@ -222,8 +222,8 @@ def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
             constants.pop("opacity", None)
         threshold = 0.0
     pattern, varying = (None, found.varying) if found.nodes is None else found.nodes.pattern_of(found.varying)
-    mode = parameter(shader, "opacityMode", ctx) if "opacityMode" in names else None
-    workflow = parameter(shader, "useSpecularWorkflow", ctx) if "useSpecularWorkflow" in names else None
+    mode = shader.parameter("opacityMode") if "opacityMode" in names else None
+    workflow = shader.parameter("useSpecularWorkflow") if "useSpecularWorkflow" in names else None
     return Material(
         Surface(
             path,
@@ -237,9 +237,9 @@ def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
     )
 
 
-def _read_slot(shader: Node, name: str, found: _SurfaceInputs, path: str, ctx: Context) -> None:
+def _read_slot(shader: Node, name: str, found: _SurfaceInputs, ctx: Context) -> None:
     slot = _SLOTS[name]
-    source = find_source(shader.prim.GetAttribute(f"inputs:{name}"), ctx)
+    source = shader.source(name)
     if isinstance(source, Node):
         found.nodes = found.nodes or FedInputs(ctx)
         fed = found.nodes.read(shader, source, name, len(slot.default), is_color=name in COLOR_INPUTS)
@@ -251,11 +251,11 @@ def _read_slot(shader: Node, name: str, found: _SurfaceInputs, path: str, ctx: C
         if slot.field != "normal":
             found.constants[slot.field] = _clamped(fed, slot)
     elif source is not None:
-        constant = _constant(source, name, slot, path, ctx)
+        constant = _constant(shader, source, name, slot, ctx)
         if slot.field != "normal":
             found.constants[slot.field] = constant
         elif not any(constant):
-            ctx.warn("material-input", path, "normal has zero length and is ignored.", "inputs:normal")
+            shader.warn("material-input", "normal has zero length and is ignored.", "inputs:normal")
         elif constant != slot.default:
             found.varying["normal"] = PrimvarInput(NO_PRIMVAR, constant)
 
@@ -277,37 +277,36 @@ def _clamped(values: tuple[float, ...], slot: _Slot) -> tuple[float, ...]:
     return inside * len(slot.default) if len(inside) == 1 else inside
 
 
-def _constant(source: Constant, name: str, slot: _Slot, path: str, ctx: Context) -> tuple[float, ...]:
+def _constant(shader: Node, source: Constant, name: str, slot: _Slot, ctx: Context) -> tuple[float, ...]:
     values = as_numbers(source.value)
     if values is None or len(values) != len(slot.default):
         wanted = "a finite number" if len(slot.default) == 1 else f"{len(slot.default)} finite numbers"
-        ctx.warn(
-            "wrong-type", path, f"{name} = {source.value!r} is not {wanted}: {_shown(slot.default)} is used.", f"inputs:{name}"
-        )
+        message = f"{name} = {source.value!r} is not {wanted}: {_shown(slot.default)} is used."
+        shader.warn("wrong-type", message, f"inputs:{name}")
         return slot.default
     if name in COLOR_INPUTS:
         values = constant_color(values, source, ctx)
     inside = _clamped(values, slot)
     if inside != values:
         message = f"{name} = {_shown(values)} is outside [{slot.low:g}, {slot.high:g}] and is clamped."
-        ctx.warn("out-of-range", path, message, f"inputs:{name}")
+        shader.warn("out-of-range", message, f"inputs:{name}")
     return inside
 
 
-def _number(shader: Node, name: str, default: float, path: str, ctx: Context) -> float:
+def _number(shader: Node, name: str, default: float, ctx: Context) -> float:
     """Return a constant float input of a shader, its default where the shader does not have it."""
-    found = parameter(shader, name, ctx)
+    found = shader.parameter(name)
     if found is None:
         return default
-    return _constant(found, name, _Slot(name, (default,)), path, ctx)[0]
+    return _constant(shader, found, name, _Slot(name, (default,)), ctx)[0]
 
 
-def _note_inputs(shader: Node, names: set[str], path: str, ctx: Context) -> None:
+def _note_inputs(shader: Node, names: set[str], ctx: Context) -> None:
     """Report unknown schemas and unknown inputs of a shader."""
-    note_unknown_schemas(shader.prim, path, ctx)
+    note_unknown_schemas(shader.shader.prim, shader.shown, ctx)
     unknown = sorted(names - _SLOTS.keys() - _OTHER_INPUTS)
     for name in unknown:
-        ctx.warn("unknown-input", path, f"{shader.id} has no input {name}: it is ignored.", f"inputs:{name}")
+        shader.warn("unknown-input", f"{shader.id} has no input {name}: it is ignored.", f"inputs:{name}")
 
 
 def _shown(values: tuple[float, ...]) -> str:

@@ -6,7 +6,7 @@ differ in a primvar would not share their prototype.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from pxr import Usd
@@ -15,7 +15,8 @@ from ...description.shading import primvar_of_set
 from ...diagnostics import Diagnostics
 from ..scene.context import Context
 from ..stage.reads import shader_id
-from .network import Node, find_source, is_principled, numbers, text
+from .authored import INPUT
+from .network import Network, Node
 from .usd_nodes import USD_NODES
 
 SURFACE_SHADERS = frozenset({"UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"})
@@ -36,43 +37,42 @@ SHOWN_COLOR = "primvars:displayColor"  # the colour of shapes without a material
 
 def primvars_read(shaders: Iterable[Usd.Prim], ctx: Context) -> tuple[frozenset[str], frozenset[str]]:
     """Return property names of primvars that these shaders read, and of those read as colours (always with displayColor)."""
-    silent = replace(ctx, diagnostics=Diagnostics())  # problems are reported when the materials are translated
+    network = Network(replace(ctx, diagnostics=Diagnostics()))  # problems are reported when the materials are translated
     prims = list(shaders)
     ids = [shader_id(prim) for prim in prims]
     ctx.caches.shader_ids.update(zip([prim.GetPath() for prim in prims], ids, strict=True))
-    readers = [(prim, name) for prim, name in zip(prims, ids, strict=True) if name in _READERS]
-    names = frozenset(f"primvars:{name}" for prim, kind in readers if (name := _primvar(prim, kind, silent)))
+    kinds = list(zip(prims, ids, strict=True))
+    readers = [network.node(prim) for prim, kind in kinds if kind in _READERS]
+    names = frozenset(f"primvars:{name}" for node in readers if (name := _primvar(node)))
     names |= {
-        f"primvars:{primvar_of_set(int(numbers(Node(prim, ''), 'index', (0.0,), silent)[0]))}"
-        for prim, kind in zip(prims, ids, strict=True)
+        f"primvars:{primvar_of_set(int(network.node(prim).numbers('index', (0.0,))[0]))}"
+        for prim, kind in kinds
         if kind.startswith(_BY_SET)
     }
-    if any(name.startswith("ND_geomcolor") for name in ids) or any(
-        not name and is_principled(prim) for prim, name in zip(prims, ids, strict=True)
-    ):
+    if any(kind.startswith("ND_geomcolor") or (not kind and network.prim(prim).is_principled) for prim, kind in kinds):
         names |= {SHOWN_COLOR}
     colors = {SHOWN_COLOR} | {
         f"primvars:{name}"
-        for prim, kind in readers
-        if (kind.endswith(_COLORS) or (kind == "PxrPrimvar" and text(Node(prim, "", kind), "type", "", silent) == "color"))
-        and (name := _primvar(prim, kind, silent))
+        for node in readers
+        if (node.id.endswith(_COLORS) or (node.id == "PxrPrimvar" and node.text("type", "") == "color"))
+        and (name := _primvar(node))
     }
-    if any(_READERS[name][1] >= 3 for _, name in readers):  # without such readers no colour input of a surface can be a primvar
-        surfaces = [prim for prim, name in zip(prims, ids, strict=True) if name in SURFACE_SHADERS]
-        colors |= _fed(surfaces, COLOR_INPUTS, silent)
-        for name in sorted((colors - {SHOWN_COLOR}) & _fed(surfaces, ("normal",), silent)):
+    if any(_READERS[node.id][1] >= 3 for node in readers):  # without these no colour input of a surface can be a primvar
+        surfaces = [network.node(prim) for prim, kind in kinds if kind in SURFACE_SHADERS]
+        colors |= _fed(surfaces, COLOR_INPUTS)
+        for name in sorted((colors - {SHOWN_COLOR}) & _fed(surfaces, ("normal",))):
             ctx.warn("color-space", "", f"{name} is read as a colour and as a normal: it is taken as a colour.")
     return names, frozenset(colors)
 
 
-def _primvar(prim: Usd.Prim, kind: str, ctx: Context) -> str:
+def _primvar(node: Node) -> str:
     """Return the name of the primvar that a reader node reads, "" for none."""
-    return text(Node(prim, "", kind), _READERS[kind][0], "", ctx)
+    return node.text(_READERS[node.id][0], "")
 
 
-def _fed(surfaces: list[Usd.Prim], inputs: Iterable[str], ctx: Context) -> set[str]:
+def _fed(surfaces: Iterable[Node], inputs: Sequence[str]) -> set[str]:
     """Return the primvars that are connected to these inputs."""
-    attributes = [a for surface in surfaces for name in inputs if (a := surface.GetAttribute(f"inputs:{name}"))]
-    sources = [find_source(attribute, ctx) for attribute in attributes if attribute.HasAuthoredConnections()]
+    given = [(surface, surface.shader.attribute(INPUT + name)) for surface in surfaces for name in inputs]
+    sources = [surface.network.source(one) for surface, one in given if one is not None and one.connections]
     nodes = [source for source in sources if isinstance(source, Node) and source.id in _READERS]
-    return {f"primvars:{name}" for node in nodes if (name := _primvar(node.prim, node.id, ctx))}
+    return {f"primvars:{name}" for node in nodes if (name := _primvar(node))}

@@ -10,130 +10,154 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
-from pxr import Gf, Sdf, Usd, UsdShade
+from pxr import Gf, Sdf, Usd
 
 from ..scene.color_spaces import color_in_rendering_space, scope_of
 from ..scene.context import Context
-from ..stage.reads import connections, default_value, shader_id
-from ..stage.values import value
-from .materialx.document_marks import DEFAULT_NODE
+from ..stage.read_once import ReadOnce
+from .authored import INPUT, AuthoredAttribute, AuthoredPrim
 
 # Vectors of halves are missing: memoryview does not support them.
 VECTORS = frozenset({Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, Gf.Vec4d, Gf.Vec2i, Gf.Vec3i, Gf.Vec4i})
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True, eq=False)  # not frozen: these are made for each input that is read
 class Constant:
     """A constant value, and the attribute that holds it."""
 
-    attribute: Usd.Attribute  # the one that holds the value
+    attribute: AuthoredAttribute
     value: Any
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Node:
-    """A shader node, and the name of the output that is read, without "outputs:"."""
+    """A shader node of a network, and the name of the output that is read, without "outputs:"."""
 
-    prim: Usd.Prim
+    shader: AuthoredPrim
     output: str
-    known: str | None = field(default=None, compare=False)  # cached id
+    network: Network = field(repr=False)
 
-    @cached_property
+    @ReadOnce
     def id(self) -> str:
         """Shader id, "" where the shader has none."""
-        return shader_id(self.prim) if self.known is None else self.known
+        return self.shader.id
 
     @property
     def path(self) -> Sdf.Path:
-        path: Sdf.Path = self.prim.GetPath()
-        return path
+        return self.shader.path
 
+    @property
+    def shown(self) -> str:
+        """The node's path as messages show it."""
+        return self.network.ctx.shown(str(self.shader.path))
 
-def find_source(attribute: Usd.Attribute, ctx: Context) -> Constant | Node | None:
-    """Return what gives an attribute its value: a constant or a node; None where nothing does."""
-    return _follow(attribute, ctx, ())
+    def warn(self, code: str, message: str, attribute: str = "") -> None:
+        self.network.ctx.warn(code, self.shown, message, attribute)
 
+    def source(self, name: str) -> Constant | Node | None:
+        """Return what gives an input its value; None where nothing does, and where there is no such input."""
+        return self.network.source(self.shader.attribute(INPUT + name))
 
-def _follow(attribute: Usd.Attribute, ctx: Context, passed: tuple[Sdf.Path, ...]) -> Constant | Node | None:
-    """Follow connections from an attribute; `passed`: the attributes on the way to it."""
-    if passed and attribute.GetPath() in passed:
-        _note(attribute, "Its connections form a cycle and are ignored.", ctx)
-        return None
-    sources = connections(attribute)
-    if len(sources) > 1:
-        _note(attribute, "It has several connections: only the first is used.", ctx)
-    if sources:
-        found = _target(attribute, sources[0], ctx, passed)
-        if found is not None:
-            return found
-    raw = value(attribute, ctx.when)
-    return _default_node(attribute) if raw is None else Constant(attribute, raw)
+    def parameter(self, name: str) -> Constant | None:
+        """Return the constant of an input that cannot vary; None, reported, where it is connected to a node."""
+        source = self.source(name)
+        if isinstance(source, Node):
+            what = source.id or "a shader without id"
+            message = f"{name} is connected to {what}, but must be constant: its default is used."
+            self.warn("shader-ignored", message, INPUT + name)
+            return None
+        return source
 
-
-def _default_node(attribute: Usd.Attribute) -> Node | None:
-    """Return the node that gives what an input of a MaterialX document has by default, None where there is none."""
-    name = attribute.GetCustomDataByKey(DEFAULT_NODE) if attribute.HasAuthoredMetadata("customData") else None
-    prim = attribute.GetPrim().GetChild(name) if isinstance(name, str) and Sdf.Path.IsValidIdentifier(name) else None
-    return Node(prim, "out") if prim else None
-
-
-def _target(attribute: Usd.Attribute, path: Sdf.Path, ctx: Context, passed: tuple[Sdf.Path, ...]) -> Constant | Node | None:
-    at = path.GetPrimPath()
-    prim = ctx.stage.GetPrimAtPath(at)
-    if not prim:
-        _note(attribute, f"It is connected to {path}, which does not exist.", ctx)
-        return None
-    name: str = path.name
-    is_output = name.startswith("outputs:")
-    if is_output:
-        known = ctx.caches.shader_ids.get(at)
-        if known is not None or prim.IsA(UsdShade.Shader):
-            return Node(prim, name.removeprefix("outputs:"), known)
-    further = prim.GetAttribute(name)
-    if not further or not (is_output or name.startswith("inputs:")):
-        _note(attribute, f"It is connected to {path}, which does not exist.", ctx)
-        return None
-    return _follow(further, ctx, (*passed, attribute.GetPath()))
-
-
-def _note(attribute: Usd.Attribute, message: str, ctx: Context) -> None:
-    ctx.warn("shader-connection", ctx.shown(str(attribute.GetPrim().GetPath())), message, str(attribute.GetName()))
-
-
-def node_path(node: Node, ctx: Context) -> str:
-    """Return a node's path as messages show it."""
-    return ctx.shown(str(node.path))
-
-
-def parameter(node: Node, name: str, ctx: Context) -> Constant | None:
-    """Return the constant of an input that cannot vary; None, reported, where it is connected to a node."""
-    attribute = node.prim.GetAttribute(f"inputs:{name}")
-    source = find_source(attribute, ctx) if attribute else None
-    if isinstance(source, Node):
-        ctx.warn(
-            "shader-ignored",
-            node_path(node, ctx),
-            f"{name} is connected to {source.id or 'a shader without id'}, but must be constant: its default is used.",
-            f"inputs:{name}",
-        )
-        return None
-    return source
-
-
-def numbers(node: Node, name: str, default: tuple[float, ...], ctx: Context, *, is_color: bool = False) -> tuple[float, ...]:
-    """Return an input's finite numbers, as many as `default` has; `default`, reported, where it has others."""
-    found = parameter(node, name, ctx)
-    if found is None:
+    def numbers(self, name: str, default: tuple[float, ...], *, is_color: bool = False) -> tuple[float, ...]:
+        """Return an input's finite numbers, as many as `default` has; `default`, reported, where it has others."""
+        found = self.parameter(name)
+        if found is None:
+            return default
+        values = as_numbers(found.value)
+        if values is not None and len(values) == len(default):
+            return constant_color(values, found, self.network.ctx) if is_color and len(values) >= 3 else values
+        message = f"{name} = {found.value!r} is not {len(default)} finite numbers: {default} is used."
+        self.warn("wrong-type", message, INPUT + name)
         return default
-    values = as_numbers(found.value)
-    if values is not None and len(values) == len(default):
-        return constant_color(values, found, ctx) if is_color and len(values) >= 3 else values
-    message = f"{name} = {found.value!r} is not {len(default)} finite numbers: {default} is used."
-    ctx.warn("wrong-type", node_path(node, ctx), message, f"inputs:{name}")
-    return default
+
+    def text(self, name: str, default: str) -> str:
+        """Return a constant token or string input; the default, reported, where it is of another type."""
+        found = self.parameter(name)
+        if found is None:
+            return default
+        if isinstance(found.value, str):
+            return found.value
+        self.warn("wrong-type", f"{name} = {found.value!r} is not a string: {default!r} is used.", INPUT + name)
+        return default
+
+
+class Network:
+    """The shading network of one material: what is authored in it, and the context that its faults are reported to."""
+
+    def __init__(self, ctx: Context) -> None:
+        self.ctx = ctx
+        self._prims: dict[Sdf.Path, AuthoredPrim] = {}
+
+    def at(self, path: Sdf.Path) -> AuthoredPrim | None:
+        """Return what is authored on the prim at a path, None where there is no prim."""
+        known = self._prims.get(path)
+        if known is None and (prim := self.ctx.stage.GetPrimAtPath(path)):
+            known = self._add(prim, path)
+        return known
+
+    def prim(self, prim: Usd.Prim) -> AuthoredPrim:
+        """Return what is authored on a prim."""
+        path = prim.GetPath()
+        known = self._prims.get(path)
+        return self._add(prim, path) if known is None else known
+
+    def _add(self, prim: Usd.Prim, path: Sdf.Path) -> AuthoredPrim:
+        made = self._prims[path] = AuthoredPrim(prim, path, self.ctx.when, self.ctx.caches.shader_ids.get(path))
+        return made
+
+    def node(self, prim: Usd.Prim) -> Node:
+        """Return a shader as a node, of which no output is named."""
+        return Node(self.prim(prim), "", self)
+
+    def source(self, attribute: AuthoredAttribute | None) -> Constant | Node | None:
+        """Return what gives an attribute its value: a constant or a node; None where nothing does."""
+        return None if attribute is None else self._follow(attribute, ())
+
+    def _follow(self, attribute: AuthoredAttribute, passed: tuple[AuthoredAttribute, ...]) -> Constant | Node | None:
+        """Follow connections from an attribute; `passed`: the attributes on the way to it."""
+        if attribute in passed:
+            self._note(attribute, "Its connections form a cycle and are ignored.")
+            return None
+        sources = attribute.connections
+        if len(sources) > 1:
+            self._note(attribute, "It has several connections: only the first is used.")
+        if sources:
+            found = self._target(attribute, sources[0], passed)
+            if found is not None:
+                return found
+        if attribute.value is not None:
+            return Constant(attribute, attribute.value)
+        node = attribute.default_node
+        return None if node is None else Node(self.prim(node), "out", self)
+
+    def _target(
+        self, attribute: AuthoredAttribute, path: Sdf.Path, passed: tuple[AuthoredAttribute, ...]
+    ) -> Constant | Node | None:
+        at, name = self.at(path.GetPrimPath()), path.name
+        if at is not None:
+            is_output = name.startswith("outputs:")
+            if is_output and at.is_shader:
+                return Node(at, name.removeprefix("outputs:"), self)
+            further = at.attribute(name)
+            if further is not None and (is_output or name.startswith(INPUT)):
+                return self._follow(further, (*passed, attribute))
+        self._note(attribute, f"It is connected to {path}, which does not exist.")
+        return None
+
+    def _note(self, attribute: AuthoredAttribute, message: str) -> None:
+        self.ctx.warn("shader-connection", self.ctx.shown(str(attribute.attribute.GetPrimPath())), message, attribute.name)
 
 
 def as_numbers(raw: Any) -> tuple[float, ...] | None:
@@ -153,38 +177,6 @@ def _listed(raw: Any) -> Any:
 def constant_color(values: tuple[float, ...], source: Constant, ctx: Context) -> tuple[float, ...]:
     """Return a constant with its first three numbers converted from their attribute's colour space to the rendering space."""
     r, g, b = values[:3]
-    rgb = color_in_rendering_space((r, g, b), source.attribute, scope_of(source.attribute, ctx), ctx)
+    at, own = source.attribute.attribute, source.attribute.color_space
+    rgb = color_in_rendering_space((r, g, b), at, scope_of(at, ctx), ctx, own=own)
     return (*rgb, *values[3:])
-
-
-def text(node: Node, name: str, default: str, ctx: Context) -> str:
-    """Return a constant token or string input; the default, reported, where it is of another type."""
-    found = parameter(node, name, ctx)
-    if found is None:
-        return default
-    if isinstance(found.value, str):
-        return found.value
-    ctx.warn(
-        "wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is not a string: {default!r} is used.", f"inputs:{name}"
-    )
-    return default
-
-
-def module_of(shader: Node) -> str:
-    """Return the path of a shader's MDL module, "" where it has none."""
-    asset = default_value(shader.prim.GetAttribute("info:mdl:sourceAsset"))
-    return str(asset.path) if isinstance(asset, Sdf.AssetPath) else ""
-
-
-PRINCIPLED = "principledshader"
-_ASSETS = ("info:sourceAsset", "info:karma:sourceAsset", "info:vex:sourceAsset", "info:VEX:sourceAsset")
-
-
-def is_principled(shader: Usd.Prim) -> bool:
-    """Return whether the source asset of a shader without id is a principled shader's surface, of any version."""
-    for name in _ASSETS:
-        attribute = shader.GetAttribute(name)
-        asset = default_value(attribute) if attribute else None
-        if isinstance(asset, Sdf.AssetPath) and f"/{PRINCIPLED}" in asset.path and "Displacement" not in asset.path:
-            return True
-    return False

@@ -7,17 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
-from pxr import Sdf, Usd
+from pxr import Sdf
 
 from ...description import Input, NodeOutput, Operand, Pattern, PatternInput, PrimvarInput, TextureFile
 from ..scene.context import Context
 from ..scene.notes import note_unknown_schemas
 from ..stage.metadata import time_codes_per_second
-from ..stage.reads import property_names
+from .authored import INPUT, AuthoredAttribute
 from .materialx.definitions import CLOSURES, COLORS, WIDTHS, Definition, InputDefinition, definition
 from .materialx.expressions import MOST_NODES, Expressions, Outputs, TooManyNodesError, hair_node, is_hair_node
-from .network import VECTORS, Constant, Node, as_numbers, constant_color, find_source, node_path
+from .network import VECTORS, Constant, Node, as_numbers, constant_color
 from .surface_inputs import NO_PRIMVAR, Reducer, pruned
 from .texture_files import frame_of, texture_file
 from .usd_nodes import USD_NODES, is_uv_texture, usd_outputs
@@ -50,23 +51,18 @@ class NodeValues:
     _above: list[Sdf.Path] = field(default_factory=list)
 
     def inputs_of(self, node: Node, found: Definition, beside: frozenset[str] = frozenset()) -> dict[str, Operand]:
-        """Return the values of the inputs that a node's prim has, by name.
+        """Return the values of a node's authored inputs, by name.
 
         `beside`: inputs that the definition does not have, and that the caller reads.
         """
         known = found.by_name
         given: dict[str, Operand] = {}
-        for full in property_names(node.prim):
-            if not full.startswith("inputs:"):
-                continue
-            name = full[7:]
+        for name in node.shader.inputs:
             wanted = known.get(name)
             if name in beside and wanted is None:
                 continue
             if wanted is None:
-                self.ctx.warn(
-                    "unknown-input", node_path(node, self.ctx), f"{node.id} has no input {name}: it is ignored.", str(full)
-                )
+                node.warn("unknown-input", f"{node.id} has no input {name}: it is ignored.", INPUT + name)
             elif wanted.type not in CLOSURES:
                 value = self._input(node, wanted, found)
                 if value is not None:
@@ -75,24 +71,19 @@ class NodeValues:
 
     def _input(self, node: Node, wanted: InputDefinition, found: Definition) -> Operand | None:
         if wanted.type == "filename":
-            file = texture_file(node, self.ctx, is_color=found.gives_colors, name=wanted.name)
+            file = texture_file(node, is_color=found.gives_colors, name=wanted.name)
             return _as_numbers(file) if not found.gives_colors else file
-        return self._given(node.prim.GetAttribute(f"inputs:{wanted.name}"), wanted, node)
+        return self._given(node.shader.attribute(INPUT + wanted.name), wanted, node)
 
-    def _given(self, attribute: Usd.Attribute, wanted: InputDefinition, node: Node) -> Operand | None:
-        source = find_source(attribute, self.ctx)
+    def _given(self, attribute: AuthoredAttribute | None, wanted: InputDefinition, node: Node) -> Operand | None:
+        source = node.network.source(attribute)
         if isinstance(source, Node):
             return self.output(source, WIDTHS.get(wanted.type, 0), node, wanted.name, is_color=wanted.type in COLORS)
         return None if source is None else self.constant(source, wanted, node)
 
-    def given(self, node: Node, found: Definition, name: str) -> Operand:
-        """Return the value of a node's input, or its default."""
-        return self.given_as(node, found.by_name[name])
-
     def given_as(self, node: Node, wanted: InputDefinition) -> Operand:
         """Return the value of a node's input as the type that a definition says, or its default."""
-        attribute = node.prim.GetAttribute(f"inputs:{wanted.name}")
-        value = self._given(attribute, wanted, node) if attribute else None
+        value = self._given(node.shader.attribute(INPUT + wanted.name), wanted, node)
         default: Operand = "" if wanted.default is None else wanted.default
         return default if value is None else value
 
@@ -105,9 +96,9 @@ class NodeValues:
         if value is not None:
             return self._fitted(value, width, reader, name)
         if outputs is not None:
-            self._note("shader-connection", source, f"{source.id} has no output {source.output}.")
+            source.warn("shader-connection", f"{source.id} has no output {source.output}.")
         if source.id in USD_NODES:
-            self._note("material-input", reader, f"{name} cannot be read: its default is used.", f"inputs:{name}")
+            reader.warn("material-input", f"{name} cannot be read: its default is used.", INPUT + name)
         return None
 
     def _outputs(self, source: Node, reader: Node, name: str, width: int, is_color: bool) -> Outputs | None:
@@ -117,23 +108,19 @@ class NodeValues:
             return self._made[key]
         if path in self._above or len(self._above) >= DEEPEST:
             why = "depends on itself" if path in self._above else f"depends on a chain of more than {DEEPEST} nodes"
-            self._note("shader-connection", reader, f"{name} {why}: its default is used.", f"inputs:{name}")
+            reader.warn("shader-connection", f"{name} {why}: its default is used.", INPUT + name)
             return None
         found = definition_of(source)
         if found is None or found.type in CLOSURES:
             what = source.id or "a shader without id"
-            self._note(
-                "shader-ignored",
-                reader,
-                f"{name} is connected to {what}, which is not supported: its default is used.",
-                f"inputs:{name}",
-            )
+            message = f"{name} is connected to {what}, which is not supported: its default is used."
+            reader.warn("shader-ignored", message, INPUT + name)
             made = None
         else:
-            note_unknown_schemas(source.prim, node_path(source, self.ctx), self.ctx)
+            note_unknown_schemas(source.shader.prim, source.shown, self.ctx)
             self._above.append(path)
             made = (
-                usd_outputs(self, source, width, is_color)
+                usd_outputs(source, partial(self.given_as, source), self.expressions, width, is_color)
                 if is_usds
                 else self._made_of(found, self.inputs_of(source, found), source)
             )
@@ -145,9 +132,9 @@ class NodeValues:
         path = source.path
         for name in WITHOUT_EFFECT.get(found.category, ()):
             if given.get(name, found.defaults[name]) != found.defaults[name]:
-                self._note("material-input", source, f"{name} of {found.category} has no effect.", f"inputs:{name}")
+                source.warn("material-input", f"{name} of {found.category} has no effect.", INPUT + name)
         if found.category in ("time", "frame"):
-            frame_of(source, self.ctx)
+            frame_of(source)
             given = {"fps": (time_codes_per_second(self.ctx.stage),)}
         if not is_hair_node(found.name):
             return self.expressions.node(found.name, given, self.ctx.shown(str(path)))
@@ -160,7 +147,7 @@ class NodeValues:
             if isinstance(source.value, str):
                 return str(source.value)
             message = f"{wanted.name} = {source.value!r} is not a string: its default is used."
-            self._note("wrong-type", node, message, f"inputs:{wanted.name}")
+            node.warn("wrong-type", message, INPUT + wanted.name)
             return None
         values = as_numbers(_flat(source.value))
         width = WIDTHS[wanted.type]
@@ -168,7 +155,7 @@ class NodeValues:
             values = values * width
         if values is None or len(values) != width:
             message = f"{wanted.name} = {source.value!r} is not {width} finite numbers: its default is used."
-            self._note("wrong-type", node, message, f"inputs:{wanted.name}")
+            node.warn("wrong-type", message, INPUT + wanted.name)
             return None
         return constant_color(values, source, self.ctx) if wanted.type in COLORS else values
 
@@ -179,23 +166,20 @@ class NodeValues:
             return value
         if not width or not has:
             message = f"{name} or what it is connected to is not numeric: its default is used."
-            self._note("connection-type", reader, message, f"inputs:{name}")
+            reader.warn("connection-type", message, INPUT + name)
             return None
         if has == 1 and width in (2, 3, 4):
             kind = {2: "vector2", 3: "color3", 4: "color4"}[width]
             return self.expressions.apply(f"ND_convert_float_{kind}", **{"in": value})
         if width == 1 and has in (2, 3, 4):
-            self._note("connection-type", reader, f"{name} is connected to {has} numbers: the first is used.", f"inputs:{name}")
+            reader.warn("connection-type", f"{name} is connected to {has} numbers: the first is used.", INPUT + name)
             kind = {2: "vector2", 3: "color3", 4: "color4"}[has]
             return self.expressions.apply(f"ND_extract_{kind}", **{"in": value, "index": (0.0,)})
         if (has, width) in ((4, 3), (3, 4)):
             return self.expressions.apply(f"ND_convert_color{has}_color{width}", **{"in": value})
         message = f"{name} takes {width} numbers and is connected to {has}: its default is used."
-        self._note("connection-type", reader, message, f"inputs:{name}")
+        reader.warn("connection-type", message, INPUT + name)
         return None
-
-    def _note(self, code: str, node: Node, message: str, attribute: str = "") -> None:
-        self.ctx.warn(code, node_path(node, self.ctx), message, attribute)
 
 
 def _as_numbers(file: Operand) -> Operand:
@@ -222,7 +206,6 @@ class FedInputs:
     """Evaluation of the connected inputs of one surface."""
 
     def __init__(self, ctx: Context) -> None:
-        self._ctx = ctx
         self._values = NodeValues(ctx)
 
     def read(
@@ -238,7 +221,7 @@ class FedInputs:
                 return self._normal(value, source)
         except TooManyNodesError:
             message = f"{name} is connected to more than {MOST_NODES:,} nodes: its default is used."
-            self._ctx.warn("shader-ignored", node_path(shader, self._ctx), message, f"inputs:{name}")
+            shader.warn("shader-ignored", message, INPUT + name)
             return None
         if isinstance(value, NodeOutput):
             return Reducer(self._values.expressions.nodes).input(value, width)

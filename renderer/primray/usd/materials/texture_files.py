@@ -13,12 +13,11 @@ from pxr import Sdf, Usd
 
 from ...color.color_space import SRGB, ColorSpace, matrix
 from ...description import TextureFile
-from ..scene.color_spaces import authored_space, scope_at, space_named
+from ..scene.color_spaces import authored_space, scope_at, scope_of, space_named
 from ..scene.context import Context
-from ..stage.reads import color_space_name
-from ..stage.values import time_of
+from .authored import INPUT
 from .materialx.filename_tokens import Frames, frames_of, has_frame_token, is_tiles, resolved, tile_paths, with_frame
-from .network import Constant, Node, find_source, node_path, numbers, parameter, text
+from .network import Constant, Node
 
 if TYPE_CHECKING:
     from ..scene.inheritance import ResolvedPrim
@@ -33,18 +32,16 @@ _NAMING |= {reader: "default" if name == "geomprop" else "fallback" for reader, 
 _MOST_HANDING_ON = 16
 
 
-def texture_file(
-    node: Node, ctx: Context, *, is_color: bool = True, name: str = "file", tiles: tuple[str, ...] = ()
-) -> TextureFile:
+def texture_file(node: Node, *, is_color: bool = True, name: str = "file", tiles: tuple[str, ...] = ()) -> TextureFile:
     """Return the file that an input names, read as colours or numbers; its path is "" without a file, which is reported.
 
     `tiles`: what stands for <UDIM> in file names of the node's renderer.
     """
-    found = _named(node, name, ctx)
+    found = _named(node, name)
     if tiles and found is not None:
         found = _with_udim(found, tiles)
-    made = _file(node, found, name, ctx)
-    return in_space(made, _color_space(node, found, name, is_color, ctx), is_color, ctx)
+    made = _file(node, found, name)
+    return in_space(made, _color_space(node, found, name, is_color), is_color, node.network.ctx)
 
 
 def missing_text(path: str) -> str:
@@ -72,24 +69,22 @@ def light_texture(path: str, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: 
     return in_space(TextureFile(path, "auto"), "auto" if space is None else space, True, ctx)
 
 
-def _named(node: Node, name: str, ctx: Context) -> Constant | None:
+def _named(node: Node, name: str) -> Constant | None:
     """Return the constant that names a node's file: its own value, one passed on by a node, or a primvar reader's fallback.
 
     The primvar itself may differ between shapes and is not read; this is reported with the file used instead.
     """
-    attribute = node.prim.GetAttribute(f"inputs:{name}")
-    source = find_source(attribute, ctx) if attribute else None
+    source = node.source(name)
     for _ in range(_MOST_HANDING_ON):
         if not isinstance(source, Node) or source.id not in _NAMING:
             break
-        own = source.prim.GetAttribute(f"inputs:{_NAMING[source.id]}")
-        handed_on = find_source(own, ctx) if own else None
+        handed_on = source.source(_NAMING[source.id])
         if source.id in _OF_PRIMVARS:
-            _note_primvar(node, source, handed_on, name, ctx)
+            _note_primvar(node, source, handed_on, name)
         if handed_on is None:
             return None
         source = handed_on
-    return source if isinstance(source, Constant) else parameter(node, name, ctx)
+    return source if isinstance(source, Constant) else node.parameter(name)
 
 
 def _with_udim(found: Constant, tiles: tuple[str, ...]) -> Constant:
@@ -101,107 +96,96 @@ def _with_udim(found: Constant, tiles: tuple[str, ...]) -> Constant:
     return found if named == path or not named else replace(found, value=Sdf.AssetPath(named))
 
 
-def _note_primvar(node: Node, reader: Node, fallback: Constant | Node | None, name: str, ctx: Context) -> None:
-    primvar = text(reader, _OF_PRIMVARS[reader.id], "", ctx)
+def _note_primvar(node: Node, reader: Node, fallback: Constant | Node | None, name: str) -> None:
+    primvar = reader.text(_OF_PRIMVARS[reader.id], "")
     value = fallback.value if isinstance(fallback, Constant) else None
     shown = value.path if isinstance(value, Sdf.AssetPath) else value
     instead = f"its fallback {shown!r} is used" if shown else "no file is read"
     message = f"{name} reads the primvar {primvar!r}, which is not supported for file names: {instead}."
-    ctx.warn("shader-ignored", node_path(node, ctx), message, f"inputs:{name}")
+    node.warn("shader-ignored", message, INPUT + name)
 
 
-def _file(node: Node, found: Constant | None, name: str, ctx: Context) -> TextureFile:
+def _file(node: Node, found: Constant | None, name: str) -> TextureFile:
     asset = found.value if found is not None else None
     if found is not None and isinstance(asset, str) and asset:  # the fallback of a string reader
-        asset = Sdf.AssetPath(asset, resolved(asset, _authoring_layer(found.attribute, ctx)))
+        asset = Sdf.AssetPath(asset, resolved(asset, found.attribute.layer))
     if found is None or not isinstance(asset, Sdf.AssetPath) or not asset.path:
-        ctx.warn("texture-unset", node_path(node, ctx), "No file is set: the fallback is used.", f"inputs:{name}")
+        node.warn("texture-unset", "No file is set: the fallback is used.", INPUT + name)
         return TextureFile("", "auto")
     path, layer = asset.path, None
     if has_frame_token(path):
-        framed = _at_frame(node, path, ctx)
+        framed = _at_frame(node, path)
         if framed is None:
             return TextureFile("", "auto")
-        path, layer = framed, _authoring_layer(found.attribute, ctx)
+        path, layer = framed, found.attribute.layer
         asset = Sdf.AssetPath(path, resolved(path, layer))
     if is_tiles(path):
-        return _tiles(node, path, layer or _authoring_layer(found.attribute, ctx), name, ctx)
+        return _tiles(node, path, layer or found.attribute.layer, name)
     if not asset.resolvedPath:
-        ctx.warn("asset-missing", node_path(node, ctx), missing_text(path), f"inputs:{name}")
+        node.warn("asset-missing", missing_text(path), INPUT + name)
     return TextureFile(str(asset.resolvedPath), "auto")
 
 
-def _tiles(node: Node, path: str, layer: Sdf.Layer | None, name: str, ctx: Context) -> TextureFile:
+def _tiles(node: Node, path: str, layer: Sdf.Layer | None, name: str) -> TextureFile:
     set_path, tiles = tile_paths(path, layer)
     if not tiles:
-        ctx.warn("asset-missing", node_path(node, ctx), missing_text(path), f"inputs:{name}")
+        node.warn("asset-missing", missing_text(path), INPUT + name)
         return TextureFile("", "auto")
     return TextureFile(set_path, "auto", tiles)
 
 
-def _at_frame(node: Node, path: str, ctx: Context) -> str | None:
+def _at_frame(node: Node, path: str) -> str | None:
     """Return the path of a sequence's file for the frame; None where the node shows its default instead."""
-    range_text = text(node, "framerange", "", ctx)
+    range_text = node.text("framerange", "")
     first, last = (frames_of(range_text) if range_text else None) or (None, None)
     if range_text and first is None:
         message = f"framerange = {range_text!r} is not a range of frames and is ignored."
-        ctx.warn("shader-parameter", node_path(node, ctx), message, "inputs:framerange")
-    offset = int(numbers(node, "frameoffset", (0.0,), ctx)[0])
-    number = Frames(first, last, offset, text(node, "frameendaction", "constant", ctx)).number(frame_of(node, ctx))
+        node.warn("shader-parameter", message, "inputs:framerange")
+    offset = int(node.numbers("frameoffset", (0.0,))[0])
+    number = Frames(first, last, offset, node.text("frameendaction", "constant")).number(frame_of(node))
     return None if number is None else with_frame(path, number)
 
 
-def frame_of(node: Node, ctx: Context) -> float:
+def frame_of(node: Node) -> float:
     """Return the time code for time nodes and frame numbers in file names; 0, reported, when no frame is rendered."""
+    ctx = node.network.ctx
     if ctx.when.is_default:
-        ctx.warn(
-            "shader-parameter", node_path(node, ctx), "It depends on the frame, but none is rendered: time code 0 is used."
-        )
+        node.warn("shader-parameter", "It depends on the frame, but none is rendered: time code 0 is used.")
         return 0.0
     if ctx.timing.is_open:
         message = "It depends on time, which is constant during the exposure: the frame's time code is used."
-        ctx.warn("material-input", node_path(node, ctx), message)
+        node.warn("material-input", message)
     return float(ctx.when.time.GetValue())
 
 
-def _authoring_layer(attribute: Usd.Attribute, ctx: Context) -> Sdf.Layer | None:
-    for spec in attribute.GetPropertyStack(time_of(attribute, ctx.when)):
-        if isinstance(spec, Sdf.AttributeSpec) and (spec.HasDefaultValue() or spec.HasInfo("timeSamples")):
-            return spec.layer
-    return None
-
-
-def _color_space(node: Node, found: Constant | None, name: str, is_color: bool, ctx: Context) -> str | ColorSpace:
-    said = _source_color_space(node, ctx)
+def _color_space(node: Node, found: Constant | None, name: str, is_color: bool) -> str | ColorSpace:
+    said = _source_color_space(node)
     if said not in (None, "auto"):
         return said or "auto"
-    attributes = [node.prim.GetAttribute(f"inputs:{name}")] + ([found.attribute] if found else [])
-    own = [attribute for attribute in attributes if attribute and color_space_name(attribute)]
+    attributes = [node.shader.attribute(INPUT + name)] + ([found.attribute] if found else [])
+    own = [attribute for attribute in attributes if attribute and attribute.color_space]
     asked = own if said == "auto" or not is_color else own or attributes[-1:]
-    for attribute in asked:
-        space = authored_space(attribute, scope_at(attribute.GetPrim(), ctx), ctx) if attribute else None
+    ctx = node.network.ctx
+    for at in filter(None, asked):
+        space = authored_space(at.attribute, scope_of(at.attribute, ctx), ctx, at.color_space)
         if space is not None:
             return space
     return "auto"
 
 
-def _source_color_space(node: Node, ctx: Context) -> str | ColorSpace | None:
+def _source_color_space(node: Node) -> str | ColorSpace | None:
     """Return sourceColorSpace, None where it is not authored.
 
     Its specified values are raw, sRGB and auto; other names are taken as names of colour spaces.
     """
-    if parameter(node, "sourceColorSpace", ctx) is None or not node.prim.GetAttribute("inputs:sourceColorSpace").IsAuthored():
+    if "sourceColorSpace" not in node.shader.inputs or node.parameter("sourceColorSpace") is None:
         return None
-    name = text(node, "sourceColorSpace", "auto", ctx)
+    name = node.text("sourceColorSpace", "auto")
     if name in ("auto", "raw", "sRGB"):
         return name
-    space = space_named(name, scope_at(node.prim, ctx), ctx)
+    ctx = node.network.ctx
+    space = space_named(name, scope_at(node.shader.prim, ctx), ctx)
     if space is None:
-        ctx.warn(
-            "shader-parameter",
-            node_path(node, ctx),
-            f"sourceColorSpace = {name!r} is unknown: auto is used.",
-            "inputs:sourceColorSpace",
-        )
+        node.warn("shader-parameter", f"sourceColorSpace = {name!r} is unknown: auto is used.", "inputs:sourceColorSpace")
         return "auto"
     return space

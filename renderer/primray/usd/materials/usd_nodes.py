@@ -6,29 +6,17 @@ MaterialX library. MaterialX's versions differ only in their defaults (coordinat
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
 from ...description import Operand, Wrap
 from ...description.shading import TRANSFORM_2D, UV_TEXTURE
-from ..scene.context import Context
-from ..stage.reads import property_names
 from .materialx.definitions import WIDTHS, Definition, InputDefinition
 from .materialx.expressions import Expressions, Outputs
-from .network import Node, node_path, numbers, text
+from .network import Node
 from .texture_files import texture_file
 
-
-class Values(Protocol):
-    """The network that the nodes belong to (node_values.py)."""
-
-    ctx: Context
-    expressions: Expressions
-
-    def given(self, node: Node, found: Definition, name: str) -> Operand: ...
-    def given_as(self, node: Node, wanted: InputDefinition) -> Operand: ...
-
-
+Given = Callable[[InputDefinition], Operand]  # the value of an input of the node, or its default
 _READER = "UsdPrimvarReader"
 _CHANNELS = {"r": "float", "g": "float", "b": "float", "a": "float", "rgb": "color3", "rgba": "color4"}
 _NUMBERS = {"fallback": (0.0, 0.0, 0.0, 1.0), "scale": (1.0,) * 4, "bias": (0.0,) * 4}
@@ -74,23 +62,20 @@ _DEFINITIONS = (
 USD_NODES = {found.name: found for found in _DEFINITIONS}
 
 
-def usd_outputs(values: Values, node: Node, width: int, is_color: bool) -> Outputs | None:
-    """Return a node's outputs for an input of `width` numbers, a colour if `is_color`.
+def usd_outputs(node: Node, given: Given, e: Expressions, width: int, is_color: bool) -> Outputs | None:
+    """Return a node's outputs for an input of `width` numbers, a colour if `is_color`; `given` evaluates its own inputs.
 
     Empty where it has no such output; None, reported, where it cannot give that many numbers.
     """
     found = USD_NODES[node.id]
-    names = frozenset([str(name)[7:] for name in property_names(node.prim) if name.startswith("inputs:")])
-    if not names <= found.by_name.keys():
-        for name in sorted(names - found.by_name.keys()):
-            values.ctx.warn(
-                "unknown-input", node_path(node, values.ctx), f"{node.id} has no input {name}: it is ignored.", f"inputs:{name}"
-            )
+    for name in sorted(name for name in node.shader.inputs if name not in found.by_name):
+        node.warn("unknown-input", f"{node.id} has no input {name}: it is ignored.", f"inputs:{name}")
     if found.category == UV_TEXTURE:
         if node.output not in found.output_widths:
             return {}
-        return {node.output: _uv_texture(values, node, found, names, width, is_color)}
-    made = _transformed(values, node, found) if found.category == TRANSFORM_2D else _read(values, node, found, width, is_color)
+        return {node.output: _uv_texture(node, found, given, e, width, is_color)}
+    is_transform = found.category == TRANSFORM_2D
+    made = _transformed(node, found, given, e) if is_transform else _read(node, found, given, e, width, is_color)
     return None if made is None else {found.outputs[0][0]: made}
 
 
@@ -98,77 +83,72 @@ def is_uv_texture(name: str) -> bool:
     return name in USD_NODES and USD_NODES[name].category == UV_TEXTURE
 
 
-def _uv_texture(values: Values, node: Node, found: Definition, names: frozenset[str], width: int, is_color: bool) -> Operand:
-    ctx, channel = values.ctx, _channel(values, node, width)
+def _uv_texture(node: Node, found: Definition, given: Given, e: Expressions, width: int, is_color: bool) -> Operand:
+    channel = _channel(node, width)
     four = {
-        n: numbers(node, n, default, ctx, is_color=is_color and n == "fallback") if n in names else default
+        n: node.numbers(n, default, is_color=is_color and n == "fallback") if n in node.shader.inputs else default
         for n, default in _NUMBERS.items()
     }
-    file = texture_file(node, ctx, is_color=is_color and len(channel) > 1)
-    st = values.given(node, found, "st")
-    wraps = [_wrap(values, node, found, n, n in names).value for n in ("wrapS", "wrapT")]
+    file = texture_file(node, is_color=is_color and len(channel) > 1)
+    st = given(found.by_name["st"])
+    wraps = [_wrap(node, found, n).value for n in ("wrapS", "wrapT")]
     if not file.path:  # problems with the other inputs have been reported
         return channels_of(four["fallback"], channel)
     inputs = {"file": file, "st": st, "wrapS": wraps[0], "wrapT": wraps[1], **four}
-    made = values.expressions.primitive(
-        UV_TEXTURE, _CHANNELS[channel], node.id, {**inputs, "channels": channel}, node_path(node, ctx)
-    )
+    made = e.primitive(UV_TEXTURE, _CHANNELS[channel], node.id, {**inputs, "channels": channel}, node.shown)
     if width != 3 or len(channel) != 1:
         return made
-    return values.expressions.primitive("convert", "color3", "ND_convert_float_color3", {"in": made})
+    return e.primitive("convert", "color3", "ND_convert_float_color3", {"in": made})
 
 
 def channels_of(rgba: tuple[float, ...], channels: str) -> tuple[float, ...]:
     return tuple(rgba["rgba".index(channel)] for channel in channels)
 
 
-def _channel(values: Values, node: Node, width: int) -> str:
+def _channel(node: Node, width: int) -> str:
     """Return the channels to read: red where a colour feeds a number, one channel repeated for a colour; both are reported."""
     output = node.output
     if (len(output) > 1) == (width > 1) or width not in (1, 3):
         return output
     used, meaning = ("r", "its red channel is used") if width == 1 else (output, "that channel is used for red, green and blue")
     message = f"{output} feeds an input of {width} numbers: {meaning}."
-    values.ctx.warn("connection-type", node_path(node, values.ctx), message, f"outputs:{output}")
+    node.warn("connection-type", message, f"outputs:{output}")
     return used
 
 
-def _wrap(values: Values, node: Node, found: Definition, name: str, is_said: bool) -> Wrap:
+def _wrap(node: Node, found: Definition, name: str) -> Wrap:
     default = str(found.defaults[name])
     known = _USD_WRAPS if default in _USD_WRAPS else _MATERIALX_WRAPS
-    mode = text(node, name, default, values.ctx) if is_said else default
+    mode = node.text(name, default) if name in node.shader.inputs else default
     if mode not in known:
         message = f"{name} = {mode!r} is unknown: {default} is used."
-        values.ctx.warn("shader-parameter", node_path(node, values.ctx), message, f"inputs:{name}")
+        node.warn("shader-parameter", message, f"inputs:{name}")
     return known.get(mode, known[default])
 
 
-def _transformed(values: Values, node: Node, found: Definition) -> Operand:
+def _transformed(node: Node, found: Definition, given: Given, e: Expressions) -> Operand:
     """Return UsdTransform2d's output: scale, then rotation counter-clockwise in degrees, then translation."""
-    inputs = {wanted.name: values.given(node, found, wanted.name) for wanted in found.inputs}
+    inputs = {wanted.name: given(wanted) for wanted in found.inputs}
     if all(isinstance(inputs[n], tuple) for n in ("scale", "rotation", "translation")):
-        return values.expressions.primitive(TRANSFORM_2D, "vector2", node.id, inputs, node_path(node, values.ctx))
-    return values.expressions.apply("ND_UsdTransform2d", **inputs)
+        return e.primitive(TRANSFORM_2D, "vector2", node.id, inputs, node.shown)
+    return e.apply("ND_UsdTransform2d", **inputs)
 
 
-def _read(values: Values, node: Node, found: Definition, width: int, is_color: bool) -> Operand | None:
+def _read(node: Node, found: Definition, given: Given, e: Expressions, width: int, is_color: bool) -> Operand | None:
     """Return the first `width` numbers of a primvar."""
     kind = found.outputs[0][1]
     has = WIDTHS.get(kind, 0)
     if has > 4 or has < width or not has:
-        message = f"{node.id} is connected to an input of {width} numbers, which it cannot provide."
-        values.ctx.warn("connection-type", node_path(node, values.ctx), message)
+        node.warn("connection-type", f"{node.id} is connected to an input of {width} numbers, which it cannot provide.")
         return None
     wanted = found.by_name["fallback"]
     wanted = replace(wanted, type=wanted.type.replace("vector", "color")) if is_color and has >= 3 else wanted
-    fallback = values.given_as(node, wanted)
+    fallback = given(wanted)
     if isinstance(fallback, tuple) and width < has:
         fallback, kind = fallback[:width], {1: "float", 2: "vector2", 3: "vector3"}[width]
-    name = text(node, "varname", "", values.ctx)
+    name = node.text("varname", "")
     if not name:
-        values.ctx.warn(
-            "primvar-missing", node_path(node, values.ctx), "No primvar is named: the fallback is used.", "inputs:varname"
-        )
+        node.warn("primvar-missing", "No primvar is named: the fallback is used.", "inputs:varname")
         return fallback
     inputs = {"geomprop": name, "default": fallback}
-    return values.expressions.primitive("geompropvalue", kind, node.id, inputs, node_path(node, values.ctx))
+    return e.primitive("geompropvalue", kind, node.id, inputs, node.shown)

@@ -70,10 +70,12 @@ def outer_scope(path: str, outer: tuple[tuple[str, ColorScope], ...]) -> ColorSc
     return next((scope for prototype, scope in outer if prototype == root), NO_COLOR_SCOPE)
 
 
-def authored_space(attribute: Usd.Attribute, scope: ColorScope, ctx: Context) -> color.Source | None:
-    """Return the authored space of an attribute; None where nothing is authored, or the name is unknown, which is reported."""
-    name = color_space_name(attribute)
-    name = name or scope.name
+def authored_space(attribute: Usd.Attribute, scope: ColorScope, ctx: Context, own: str | None = None) -> color.Source | None:
+    """Return the authored space of an attribute; None where nothing is authored, or the name is unknown, which is reported.
+
+    `own`: the name in the attribute's own metadata, where that has been read.
+    """
+    name = (color_space_name(attribute) if own is None else own) or scope.name
     if not name:
         return None
     found = space_named(name, scope, ctx)
@@ -118,15 +120,21 @@ def rendering_space(settings_path: str, wanted: str | None, ctx: Context) -> Col
 
 
 def in_rendering_space(
-    values: npt.NDArray[np.floating], attribute: Usd.Attribute, scope: ColorScope, ctx: Context, *, assumed: bool = True
+    values: npt.NDArray[np.floating],
+    attribute: Usd.Attribute,
+    scope: ColorScope,
+    ctx: Context,
+    *,
+    assumed: bool = True,
+    own: str | None = None,
 ) -> npt.NDArray[np.floating]:
     """Return (..., 3) colours converted to the rendering space.
 
-    Without an authored space, colours are linear Rec.709 if `assumed`, else unconverted.
+    Without an authored space, colours are linear Rec.709 if `assumed`, else unconverted. `own`: as for `authored_space`.
     """
-    if _is_plain(attribute, scope, ctx, assumed):
+    if _is_plain(attribute, scope, ctx, assumed, own):
         return values
-    source = authored_space(attribute, scope, ctx)
+    source = authored_space(attribute, scope, ctx, own)
     if source is None:
         source = REC709 if assumed else ctx.rendering_space
     if isinstance(source, ColorSpace) and (source.is_data or _same(source, ctx.rendering_space)):
@@ -140,19 +148,27 @@ def in_rendering_space(
 
 
 def color_in_rendering_space(
-    rgb: tuple[float, float, float], attribute: Usd.Attribute, scope: ColorScope, ctx: Context, *, assumed: bool = True
+    rgb: tuple[float, float, float],
+    attribute: Usd.Attribute,
+    scope: ColorScope,
+    ctx: Context,
+    *,
+    assumed: bool = True,
+    own: str | None = None,
 ) -> tuple[float, float, float]:
-    """Return one colour converted to the rendering space."""
-    if _is_plain(attribute, scope, ctx, assumed):
+    """Return one colour converted to the rendering space, as `in_rendering_space` does."""
+    if _is_plain(attribute, scope, ctx, assumed, own):
         return rgb
     given = np.array(rgb, np.float64)
-    found = in_rendering_space(given, attribute, scope, ctx, assumed=assumed)
+    found = in_rendering_space(given, attribute, scope, ctx, assumed=assumed, own=own)
     return rgb if found is given else (float(found[0]), float(found[1]), float(found[2]))
 
 
-def _is_plain(attribute: Usd.Attribute, scope: ColorScope, ctx: Context, assumed: bool) -> bool:
+def _is_plain(attribute: Usd.Attribute, scope: ColorScope, ctx: Context, assumed: bool, own: str | None) -> bool:
     """Return whether nothing needs conversion: a fast check, since most stages author no colour spaces."""
-    return scope is NO_COLOR_SCOPE and (not assumed or ctx.rendering_space is REC709) and not has_color_space(attribute)
+    if scope is not NO_COLOR_SCOPE or (assumed and ctx.rendering_space is not REC709):
+        return False
+    return not (has_color_space(attribute) if own is None else own)
 
 
 def _same(source: ColorSpace, target: ColorSpace) -> bool:

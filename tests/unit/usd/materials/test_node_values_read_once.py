@@ -10,7 +10,8 @@ import pytest
 from tests.unit.usd.usd_text import translate_text
 
 from primray.description import NodeOutput, PatternInput, PatternNode
-from primray.usd.materials import material_primvars, network, node_values
+from primray.usd import view_setup
+from primray.usd.materials import authored, material_primvars
 from primray.usd.materials.materialx import definitions, expressions
 from primray.usd.materials.surface_inputs import pruned
 
@@ -48,28 +49,91 @@ def _shader(number: int, name: str, kind: str, *inputs: str) -> str:
     return "\n".join([f'def Shader "{name}" {{', f'uniform token info:id = "ND_{kind}"', *lines, "token outputs:out", "}\n"])
 
 
-def _counted(monkeypatch: pytest.MonkeyPatch, module: Any, name: str) -> Counter[str]:
-    """By the prims that a function of the module is called for."""
-    told: Counter[str] = Counter()
-    before: Callable[[Any], Any] = getattr(module, name)
+def _counted(monkeypatch: pytest.MonkeyPatch, name: str, module: Any = authored) -> Counter[str]:
+    """Return calls of a function by which a module reads networks, by path of the prim or attribute that is read."""
+    calls: Counter[str] = Counter()
+    before: Callable[..., Any] = getattr(module, name)
 
-    def counting(prim: Any) -> Any:
-        told[str(prim.GetPath())] += 1
-        return before(prim)
+    def counting(of: Any, *others: Any) -> Any:
+        calls[str(of.GetPath())] += 1
+        return before(of, *others)
 
     monkeypatch.setattr(module, name, counting)
-    return told
+    return calls
 
 
 def test_each_shader_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    ids = _counted(monkeypatch, material_primvars, "shader_id")  # which looks at all shaders of a stage
-    others = _counted(monkeypatch, network, "shader_id")
-    names = _counted(monkeypatch, node_values, "property_names")
+    ids = _counted(monkeypatch, "shader_id", material_primvars)  # which looks at all shaders of a stage
+    others, names = _counted(monkeypatch, "shader_id"), _counted(monkeypatch, "property_names")
     description, _ = translate_text(looks(0, 3))
     assert len(description.surfaces) == 3
     assert all(surface.pattern is not None for surface in description.surfaces)
     each = Counter({f"/m{number}/{name}": 1 for number in range(3) for name in SHADERS})
-    assert (ids, others, names) == (each, Counter(), each)
+    assert (ids, others) == (each, Counter())
+    assert names == each + Counter({f"/m{number}": 1 for number in range(3)})
+
+
+READS = ("shader_id", "property_names", "connections", "value", "color_space_name", "default_value")
+TEXTURED = """
+def Material "m"
+{
+    token outputs:surface.connect = </m/s.outputs:surface>
+    string inputs:st = "map1"
+    asset inputs:image = @missing.<UDIM>.png@ (colorSpace = "srgb_texture")
+    def Shader "s"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </m/image.outputs:rgb>
+        float inputs:roughness.connect = </m/image.outputs:g>
+        float inputs:metallic.connect = </m/image.outputs:b>
+        float inputs:displacement.connect = </m/image.outputs:r>
+        token outputs:surface
+    }
+    def Shader "image"
+    {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file.connect = </m.inputs:image>
+        float2 inputs:st.connect = </m/place.outputs:result>
+        float4 inputs:fallback = (0.5, 0.5, 0.5, 1)
+        float4 inputs:scale = (2, 2, 2, 1)
+        token inputs:wrapS = "repeat"
+        token inputs:sourceColorSpace = "auto"
+    }
+    def Shader "place"
+    {
+        uniform token info:id = "UsdTransform2d"
+        float2 inputs:in.connect = </m/st.outputs:result>
+        float2 inputs:scale = (2, 2)
+    }
+    def Shader "st"
+    {
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname.connect = </m.inputs:st>
+    }
+}
+def Sphere "ball" (prepend apiSchemas = ["MaterialBindingAPI"])
+{
+    rel material:binding = </m>
+}"""
+
+
+@pytest.mark.parametrize("text", [TEXTURED, looks(0, 1)], ids=["preview surface", "MaterialX"])
+def test_each_attribute_is_read_once(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = {name: _counted(monkeypatch, name) for name in READS}
+    search = material_primvars.primvars_read
+
+    def searched(*args: Any) -> Any:  # for the primvars that any material of the stage reads: a pass of its own
+        found = search(*args)
+        for of in calls.values():
+            of.clear()
+        return found
+
+    monkeypatch.setattr(view_setup, "primvars_read", searched)
+    translate_text(text)
+    repeated = {name: {path: n for path, n in of.items() if n > 1} for name, of in calls.items()}
+    assert repeated == {name: {} for name in READS}
+    assert calls["connections"].total() > 5
+    assert not calls["shader_id"]
 
 
 def test_definitions_are_parsed_once_a_process() -> None:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from pxr import Sdf
 
 from ....description import Operand, TextureFile
-from ...stage.reads import property_names
+from ..authored import INPUT
 from ..materialx.definitions import InputDefinition
 from ..materialx.expressions import Expressions
 from ..models.open_pbr import NORMAL, Reader
-from ..network import Constant, Node, as_numbers, find_source
+from ..network import Constant, Node, as_numbers
 from ..node_values import NodeValues
 from ..texture_files import texture_file
 
@@ -51,14 +50,12 @@ class MdlInputs:
     def has(self, name: str) -> bool:
         """Return whether the shader authors an input."""
         self.read.add(name)
-        attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
-        return bool(attribute and find_source(attribute, self.values.ctx) is not None)
+        return self.shader.source(name) is not None
 
     def constant(self, name: str, *default: float) -> tuple[float, ...]:
         """Return an input's constant, as many numbers as the default has."""
         self.read.add(name)
-        attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
-        found = find_source(attribute, self.values.ctx) if attribute else None
+        found = self.shader.source(name)
         if isinstance(found, Node):
             self.lost.add(name)
         if not isinstance(found, Constant) or isinstance(
@@ -75,10 +72,9 @@ class MdlInputs:
     def image(self, name: str, width: int, default: tuple[float, ...], *, is_color: bool = False) -> Operand | None:
         """Return the texture that an input names, or that the lookup connected to it names; None where there is none."""
         self.read.add(name)
-        attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
-        found = find_source(attribute, self.values.ctx) if attribute else None
+        found = self.shader.source(name)
         if isinstance(found, Node):
-            lookup = next((n for n in _LOOKUP_FILES if found.prim.GetAttribute(f"inputs:{n}")), None)
+            lookup = next((n for n in _LOOKUP_FILES if found.shader.attribute(INPUT + n) is not None), None)
             if lookup is None:
                 self.lost.add(name)
                 return None
@@ -90,7 +86,7 @@ class MdlInputs:
     def _image(
         self, node: Node, name: str, width: int, default: tuple[float, ...], is_color: bool, st: Operand
     ) -> Operand | None:
-        file = texture_file(node, self.values.ctx, is_color=is_color, name=name)
+        file = texture_file(node, is_color=is_color, name=name)
         if not isinstance(file, TextureFile) or not file.path:
             return None
         kind = _IMAGE[width]
@@ -113,14 +109,14 @@ class MdlInputs:
 
     def unread(self, neutral: NeutralValues) -> list[str]:
         """Return the names of authored inputs whose effect is lost: never read, or impossible to read."""
-        names = {str(n)[7:] for n in property_names(self.shader.prim) if n.startswith("inputs:")}
-        left = {name for name in names - self.read if name not in neutral or not self._is_at(name, neutral[name])}
+        names = {*self.shader.shader.inputs} - self.read
+        left = {name for name in names if name not in neutral or not self._is_at(name, neutral[name])}
         return sorted(left | self.lost)
 
     def _is_at(self, name: str, rest: object) -> bool:
         if rest is ANY:
             return True
-        found: Any = find_source(self.shader.prim.GetAttribute(f"inputs:{name}"), self.values.ctx)
+        found = self.shader.source(name)
         return found is None or (isinstance(found, Constant) and as_numbers(found.value) == rest)
 
     def normal(self, name: str, strength: float) -> Operand:

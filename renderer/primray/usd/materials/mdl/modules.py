@@ -11,7 +11,7 @@ from ....description import Operand
 from ...scene.context import Context
 from ..models.conversions import ior_under_coat
 from ..models.open_pbr import BLACK, ONE, ZERO, KnownSurface, as_open_pbr, input_report, is_cut_out
-from ..network import Node, module_of, node_path
+from ..network import Node
 from ..node_values import NodeValues
 from ..translated_material import Material
 from . import omniverse
@@ -121,7 +121,7 @@ _MODULES: dict[str, tuple[_Read, NeutralValues]] = {
 
 def mdl_material(shader: Node, path: str, ctx: Context) -> Material | None:
     """Return the material of a shader of a stock module; None where the module is not one."""
-    module = module_of(shader)
+    module = shader.shader.module
     found = _MODULES.get(module) or _MODULES.get(module.rpartition("/")[2])
     if found is None:
         return None
@@ -131,5 +131,5 @@ def mdl_material(shader: Node, path: str, ctx: Context) -> Material | None:
     surface, not_had = as_open_pbr(known, inputs.expressions, path)
     sentences = input_report((*not_had.unused, *inputs.unread(neutral)), not_had.near).sentences()
     message = f"{module.rpartition('/')[2]} is translated by its documented inputs, not interpreted. {sentences}".rstrip()
-    ctx.warn("mdl-material", node_path(shader, ctx), message)
+    shader.warn("mdl-material", message)
     return Material(surface, is_cut_out(known))

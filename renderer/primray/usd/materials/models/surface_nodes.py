@@ -12,7 +12,7 @@ from ....description import OpenPbr, Operand
 from ...scene.context import Context
 from ...scene.notes import note_unknown_schemas
 from ..materialx.expressions import MOST_NODES, TooManyNodesError
-from ..network import Node, node_path
+from ..network import Node
 from ..node_values import NodeValues, definition_of
 from ..translated_material import Material
 from . import disney_principled, gltf_pbr, standard_surface
@@ -71,7 +71,7 @@ def known_material(shader: Node, path: str, ctx: Context) -> Material | None:
     found = definition_of(shader)
     if found is None or found.name not in SURFACE_READERS:
         return None
-    note_unknown_schemas(shader.prim, node_path(shader, ctx), ctx)
+    note_unknown_schemas(shader.shader.prim, shader.shown, ctx)
     values = NodeValues(ctx)
     try:
         given = values.inputs_of(shader, found)
@@ -82,5 +82,5 @@ def known_material(shader: Node, path: str, ctx: Context) -> Material | None:
         ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
         return Material(None)
     if sentences := told.sentences():
-        ctx.warn("material-input", node_path(shader, ctx), sentences)
+        shader.warn("material-input", sentences)
     return Material(surface, is_cut_out(known))

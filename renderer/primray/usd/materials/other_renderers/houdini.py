@@ -9,9 +9,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....description import Operand
+from ..authored import PRINCIPLED
 from ..models import disney_principled
 from ..models.open_pbr import NORMAL, WHITE, ZERO, KnownSurface, Reader
-from ..network import PRINCIPLED, Node, is_principled
+from ..network import Node
 from . import maths
 from .images import Lookup, image
 from .values import ANY, RendererInputs, Vocabulary
@@ -26,7 +27,7 @@ def kind_of(node: Node) -> str:
         return PRINCIPLED
     if node.id:
         return ""
-    return PRINCIPLED if is_principled(node.prim) else ""
+    return PRINCIPLED if node.shader.is_principled else ""
 
 
 def _principled(n: RendererInputs) -> KnownSurface:

@@ -8,7 +8,6 @@ from ....color.color_space import ColorSpace
 from ....description import Operand, TextureFile
 from ...scene.color_spaces import scope_at, space_named
 from ...scene.context import ColorScope
-from ..network import node_path
 from ..texture_files import in_space, texture_file
 from .values import RendererInputs
 
@@ -35,7 +34,7 @@ def image(n: RendererInputs, name: str, space: str, at: Lookup, missing: tuple[f
     `space` names a colour space; "auto" is sRGB for formats that hold integers, linear for others.
     """
     n.asked.add(name)
-    file = texture_file(n.node, n.values.ctx, name=name, tiles=_TILES)
+    file = texture_file(n.node, name=name, tiles=_TILES)
     if not isinstance(file, TextureFile) or not file.path:
         return missing
     file = in_space(file, _space(n, file.path, space), True, n.values.ctx)
@@ -86,10 +85,10 @@ def _space(n: RendererInputs, path: str, name: str) -> str | ColorSpace:
         return "raw"
     found = space_named(name, _scope(n), n.values.ctx)
     if found is None:
-        n.values.ctx.warn("shader-parameter", node_path(n.node, n.values.ctx), f"Unknown colour space {name!r}: auto is used.")
+        n.node.warn("shader-parameter", f"Unknown colour space {name!r}: auto is used.")
         return _space(n, path, "auto")
     return found
 
 
 def _scope(n: RendererInputs) -> ColorScope:
-    return scope_at(n.node.prim, n.values.ctx)
+    return scope_at(n.node.shader.prim, n.values.ctx)

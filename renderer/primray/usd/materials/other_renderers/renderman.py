@@ -340,7 +340,7 @@ def _note_lobes(n: RendererInputs) -> None:
         "diffuseTransmit": ("diffuseTransmitGain",),
         "continuousSingle": (),
     }
-    have = [str(name)[7:] for name in n.node.prim.GetPropertyNames() if str(name).startswith("inputs:")]
+    have = n.node.shader.inputs
     for lobe in names:
         own = {name for name in have if name.startswith(lobe)}
         on = any(n.source(gain) is not None and n.color(gain, 0.0) != BLACK for gain in gains[lobe])

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ...scene.context import Context
 from ..materialx.expressions import MOST_NODES, TooManyNodesError
 from ..models.open_pbr import as_open_pbr, input_report, is_cut_out
-from ..network import Node, node_path
+from ..network import Node
 from ..translated_material import Material
 from . import arnold, houdini, renderman
 from .values import RendererInputs, RendererNodeValues
@@ -34,13 +34,13 @@ def other_renderers_material(shader: Node, path: str, ctx: Context) -> Material 
     message = f"{vocabulary.renderer}'s shaders are translated by their documentation, not interpreted: {kinds}."
     near = (*not_had.near, *(_named(n, shader, name) for n in values.used for name in sorted(n.near)))
     left = (*not_had.unused, *(_named(n, shader, name) for n in values.used for name in sorted(n.left_out())))
-    ctx.warn("translated", node_path(shader, ctx), f"{message} {input_report(left, near).sentences()}".rstrip())
+    shader.warn("translated", f"{message} {input_report(left, near).sentences()}".rstrip())
     return Material(surface, is_cut_out(known))
 
 
 def _named(n: RendererInputs, shader: Node, name: str) -> str:
     """Return an input's name, with its node's where that is not the surface's shader."""
-    return name if n.node.path == shader.path else f"{n.node.prim.GetName()}.{name}"
+    return name if n.node.path == shader.path else f"{n.node.path.name}.{name}"
 
 
 def _first_of(names: dict[str, None]) -> Iterator[str]:

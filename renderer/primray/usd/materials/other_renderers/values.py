@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ....description import Operand
-from ...stage.reads import property_names
+from ..authored import INPUT
 from ..materialx.definitions import WIDTHS, InputDefinition
 from ..materialx.expressions import Expressions, Outputs
 from ..models.open_pbr import NORMAL, KnownSurface, Reader
-from ..network import Constant, Node, as_numbers, find_source
+from ..network import Constant, Node, as_numbers
 from ..node_values import DEEPEST, NodeValues
 from ..usd_nodes import USD_NODES
 
@@ -79,7 +79,7 @@ class RendererNodeValues(NodeValues):
         if value is None:
             value = self._channel(outputs[""], _channel_name(source.output)) if "" in outputs else None
         if value is None:
-            self._note("shader-connection", source, f"{source.id} has no output {source.output}.")
+            source.warn("shader-connection", f"{source.id} has no output {source.output}.")
             return None
         return self._fitted(value, width, reader, name)
 
@@ -92,7 +92,7 @@ class RendererNodeValues(NodeValues):
             return self._made[key]
         if source.path in self._above or len(self._above) >= DEEPEST:
             why = "depends on itself" if source.path in self._above else f"depends on a chain of more than {DEEPEST} nodes"
-            self._note("shader-connection", reader, f"{name} {why}: its default is used.", f"inputs:{name}")
+            reader.warn("shader-connection", f"{name} {why}: its default is used.", INPUT + name)
             return None
         self._above.append(source.path)
         made = rule(self.inputs_read(source))
@@ -115,8 +115,8 @@ class RendererNodeValues(NodeValues):
         width = WIDTHS.get(wanted.type, 0)
         found: dict[int, Operand] = {}
         for letter in _COMPONENTS.get(width, ""):
-            attribute = node.prim.GetAttribute(f"inputs:{wanted.name}:{letter}")
-            if attribute and (value := self._given(attribute, InputDefinition(wanted.name, "float", (0.0,)), node)) is not None:
+            attribute = node.shader.attribute(f"{INPUT}{wanted.name}:{letter}")
+            if (value := self._given(attribute, InputDefinition(wanted.name, "float", (0.0,)), node)) is not None:
                 found["rgba".find(letter) if letter in "rgba" else "xyz".find(letter)] = value
         if not found:
             return whole
@@ -250,8 +250,7 @@ class RendererInputs:
     def source(self, name: str) -> Constant | Node | None:
         """Return what gives an input its value, None where nothing does."""
         self.asked.add(name)
-        attribute = self.node.prim.GetAttribute(f"inputs:{name}")
-        return find_source(attribute, self.values.ctx) if attribute else None
+        return self.node.source(name)
 
     def shader(self, name: str) -> Node | None:
         """Return the shader that an input of closures is connected to."""
@@ -269,15 +268,14 @@ class RendererInputs:
 
     def left_out(self) -> Iterable[str]:
         """Return the names of authored inputs that have an effect in their renderer and none here."""
-        names = {str(name)[7:] for name in property_names(self.node.prim) if str(name).startswith("inputs:")}
-        names = {name.partition(":")[0] for name in names}
+        names = {name.partition(":")[0] for name in self.node.shader.inputs}
         rest = self.values.vocabulary.neutral
         return self.lost | {name for name in names - self.asked if name not in rest or not self._is_at(name, rest[name])}
 
     def _is_at(self, name: str, rest: object) -> bool:
         if rest is ANY:
             return True
-        found = find_source(self.node.prim.GetAttribute(f"inputs:{name}"), self.values.ctx)
+        found = self.node.source(name)
         if not isinstance(found, Constant):
             return found is None
         return found.value == rest or as_numbers(found.value) == rest
