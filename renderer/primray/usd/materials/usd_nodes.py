@@ -144,7 +144,7 @@ def _read(node: Node, found: Definition, given: Given, e: Expressions, width: in
     wanted = found.by_name["fallback"]
     wanted = replace(wanted, type=wanted.type.replace("vector", "color")) if is_color and has >= 3 else wanted
     fallback = given(wanted)
-    if isinstance(fallback, tuple) and width < has:
+    if isinstance(fallback, tuple) and 0 < width < has:
         fallback, kind = fallback[:width], {1: "float", 2: "vector2", 3: "vector3"}[width]
     name = node.text("varname", "")
     if not name:

@@ -146,6 +146,13 @@ def test_nodes_that_are_not_known() -> None:
         assert (surface.diffuse_color, found) == ((0.18, 0.18, 0.18), [(code, "/m/s")])
 
 
+def test_numbers_for_a_text() -> None:
+    image = node("n", "ND_image_float", "string inputs:layer.connect = </m/reader.outputs:result>", "float outputs:out")
+    surface, found = surface_of(material("float inputs:roughness.connect = </m/n.outputs:out>", image + READER))
+    assert ("connection-type", "/m/n") in found
+    assert surface.roughness == 0.0
+
+
 def test_values_of_the_wrong_type() -> None:
     surface, found = surface_of(material('token inputs:roughness = "high"\n float inputs:diffuseColor = 1'))
     assert (surface.roughness, surface.diffuse_color) == (0.5, (0.18, 0.18, 0.18))
