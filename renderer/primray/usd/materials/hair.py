@@ -48,7 +48,7 @@ def hair_surface(bsdf: Node, path: str, ctx: Context) -> Surface | None:
             if name in given:
                 message = f"{name} has no effect: hair fibres have their own."
                 bsdf.warn("material-input", message, INPUT + name)
-        return {**{i.name: i.default for i in found.inputs if i.default is not None}, **given}
+        return {**found.default_operands, **given}
 
     return _surface(bsdf, found, read, path, ctx)
 

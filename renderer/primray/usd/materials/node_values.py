@@ -138,8 +138,7 @@ class NodeValues:
             given = {"fps": (time_codes_per_second(self.ctx.stage),)}
         if not is_hair_node(found.name):
             return self.expressions.node(found.name, given, self.ctx.shown(str(path)))
-        defaults = {name: value for name, value in found.defaults.items() if value is not None}
-        return hair_node(self.expressions, found.name, {**defaults, **given})
+        return hair_node(self.expressions, found.name, {**found.default_operands, **given})
 
     def constant(self, source: Constant, wanted: InputDefinition, node: Node) -> Operand | None:
         """Return a constant as the input's type, colours in the rendering space; None, reported, where the type differs."""

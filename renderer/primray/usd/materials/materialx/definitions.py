@@ -88,6 +88,11 @@ class Definition:
         return {i.name: i.default for i in self.inputs}
 
     @cached_property
+    def default_operands(self) -> dict[str, tuple[float, ...] | str]:
+        """Defaults of the inputs that have one: all but files and closures."""
+        return {i.name: i.default for i in self.inputs if i.default is not None}
+
+    @cached_property
     def by_name(self) -> dict[str, InputDefinition]:
         return {i.name: i for i in self.inputs}
 

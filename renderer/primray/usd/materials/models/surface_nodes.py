@@ -75,8 +75,7 @@ def known_material(shader: Node, path: str, ctx: Context) -> Material | None:
     values = NodeValues(ctx)
     try:
         given = values.inputs_of(shader, found)
-        defaults = {i.name: i.default for i in found.inputs if i.default is not None}
-        known = SURFACE_READERS[found.name](Reader({**defaults, **given}, values.expressions))
+        known = SURFACE_READERS[found.name](Reader({**found.default_operands, **given}, values.expressions))
         surface, told = as_open_pbr(known, values.expressions, path)
     except TooManyNodesError:
         ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
