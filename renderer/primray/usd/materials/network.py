@@ -14,6 +14,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd
 
+from ...description import TextureFile
 from ..scene.color_spaces import color_in_rendering_space, scope_of
 from ..scene.context import Context
 from ..stage.read_once import ReadOnce
@@ -98,6 +99,7 @@ class Network:
 
     def __init__(self, ctx: Context) -> None:
         self.ctx = ctx
+        self.files: dict[tuple[Sdf.Path, str], TextureFile] = {}  # resolved files, by node and input
         self._prims: dict[Sdf.Path, AuthoredPrim] = {}
 
     def at(self, path: Sdf.Path) -> AuthoredPrim | None:

@@ -40,8 +40,10 @@ def texture_file(node: Node, *, is_color: bool = True, name: str = "file", tiles
     found = _named(node, name)
     if tiles and found is not None:
         found = _with_udim(found, tiles)
-    made = _file(node, found, name)
-    return in_space(made, _color_space(node, found, name, is_color), is_color, node.network.ctx)
+    files, key = node.network.files, (node.path, name)
+    if key not in files:  # several inputs may read channels of one image
+        files[key] = _file(node, found, name)
+    return in_space(files[key], _color_space(node, found, name, is_color), is_color, node.network.ctx)
 
 
 def missing_text(path: str) -> str:

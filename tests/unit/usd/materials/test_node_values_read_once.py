@@ -11,8 +11,8 @@ from tests.unit.usd.usd_text import translate_text
 
 from primray.description import NodeOutput, PatternInput, PatternNode
 from primray.usd import view_setup
-from primray.usd.materials import authored, material_primvars
-from primray.usd.materials.materialx import definitions, expressions
+from primray.usd.materials import authored, material_primvars, texture_files
+from primray.usd.materials.materialx import definitions, expressions, filename_tokens
 from primray.usd.materials.surface_inputs import pruned
 
 SHADERS = ("s", "twice", "noise", "contrast", "place")
@@ -160,3 +160,17 @@ def test_what_pruning_leaves_as_it_is_is_not_made_again() -> None:
     ]
     assert pattern.nodes[3] == reading(1, 2)
     assert inputs == {"roughness": PatternInput(NodeOutput(3), (0.5,))}
+
+
+def test_files_are_resolved_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four inputs read channels of the image, as colours and as numbers."""
+    names: Counter[str] = Counter()
+    resolve = filename_tokens.tile_paths
+
+    def counting(path: str, layer: Any) -> Any:
+        names[path] += 1
+        return resolve(path, layer)
+
+    monkeypatch.setattr(texture_files, "tile_paths", counting)
+    translate_text(TEXTURED)
+    assert names == {"missing.<UDIM>.png": 1}
