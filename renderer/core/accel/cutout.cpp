@@ -1,5 +1,6 @@
 // Embree's filter functions for cutouts (surfaces with an opacityThreshold): they reject hits in a cutout's holes, for nearest
-// hits and shadow rays alike. Lanes are handled one at a time: a call for a packet of incoherent rays has 1.1 on average.
+// hits and shadow rays alike. Lanes are handled one at a time: a call for a packet of incoherent rays has 1.1 active lanes on
+// average.
 //
 // Opacity is read at the finest mip level, since a filter does not know the ray's cone: a cutout has the same holes for every
 // ray. A ray that hits an edge shared by two triangles may be tested twice, with the same answer.
@@ -33,7 +34,7 @@ bool is_open(const Scene& scene, const SurfacePoint<1>& point, int32_t surface) 
   return !(reader.read(*opacity).x[0] >= s->constants.opacity_threshold);
 }
 
-// Whether the tube is absent on segment `segment` of the scene, at parameter `longer` of Embree's part of it.
+// Whether the tube is absent on segment `segment` of the scene, at parameter `longer` of the longer segment that Embree has.
 bool is_tube_open(const Scene& scene, int32_t segment, float longer, uint32_t instance, uint32_t instance_prim) {
   const vbool<1> yes(true);
   Hits<1> nowhere{};

@@ -1,4 +1,4 @@
-// Exception that the core throws while a scene is built; never while rendering.
+// Exception of the core: thrown while a scene is built and before a pass begins, never by its kernels.
 #pragma once
 
 #include <stdexcept>

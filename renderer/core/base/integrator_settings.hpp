@@ -1,4 +1,4 @@
-// Settings of the integrator that a user may choose; never a compile-time feature.
+// What a pass of the integrator is given: settings, and the guides, logs and light path expressions that it reads or fills.
 #pragma once
 
 #include <cstdint>
@@ -22,13 +22,13 @@ struct IntegratorSettings {
   // finer; a power of two. 0: pixels have independent sequences, of any length.
   int screen_block = 0;
   const Guide* guide = nullptr;            // guide for scattered rays, beside the BSDF
-  GuideLog* log = nullptr;                 // records of paths that learn a guide
+  GuideLog* guide_log = nullptr;           // records of paths that learn a guide
   const CausticGuide* caustics = nullptr;  // guide of scattered rays towards metal and glass
   const LpeAutomaton* lpe = nullptr;       // light path expressions of the film
   // Upper limit of the largest channel of a sample's indirect light (two scattering events and more); infinite: none. Pilots
   // and guides have no limit, so a clamp changes no path.
   float clamp_indirect = std::numeric_limits<float>::infinity();
-  PathLog* paths = nullptr;  // events of all paths, with one lane
+  PathLog* path_log = nullptr;  // events of all paths, with one lane
 
   bool clamps() const { return clamp_indirect < std::numeric_limits<float>::infinity(); }
 };

@@ -92,7 +92,7 @@ DisplacedShape shape_of(nb::handle d, const DiceInput& in) {
   return shape;
 }
 
-// Sets the displacement of a cage that `dice` has under this name, or None.
+// Sets `in.displacing` from the dictionary `d`; None: the cage has no displacement.
 void set_displacing(nb::handle d, DiceInput& in) {
   if (d.is_none()) return;
   Displacing& how = in.displacing.emplace();

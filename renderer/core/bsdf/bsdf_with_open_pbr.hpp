@@ -1,5 +1,4 @@
-// Lobes in scenes with OpenPBR surfaces: lanes on these use its lobes (open_pbr/open_pbr.hpp), the others those of scenes
-// without, which do not include this file.
+// Lobes in scenes with OpenPBR surfaces: lanes on such surfaces use OpenPbr (open_pbr/open_pbr.hpp), the others Bsdf.
 #pragma once
 
 #include <optional>

@@ -40,7 +40,7 @@ PRIMRAY_INLINE vvec3<W> ggx_sample_normal(const vvec3<W>& wo, vfloat<W> alpha, v
   return normalize(vvec3<W>(h.x * alpha, h.y * alpha, h.z));
 }
 
-// Density of wi = reflect(wo, h) per solid angle, over D(h).
+// Density of wi = reflect(wo, h) per solid angle, divided by D(h).
 template <int W>
 PRIMRAY_INLINE vfloat<W> ggx_reflection_density(const vvec3<W>& wo, vfloat<W> alpha) {
   const vfloat<W> side2 = wo.x * wo.x + wo.y * wo.y;

@@ -1,4 +1,4 @@
-// First stage of a round: generates camera rays for the next sample slots, as many as fit into the path pool.
+// First stage of a round, which generates camera rays for the next sample slots, as many as fit into the path pool.
 #pragma once
 
 #include <algorithm>

@@ -33,7 +33,7 @@ void clear_queues(Round& round) {
 template <int W>
 void run_rounds(Round& round, int slots) {
   while (true) {
-    if (round.settings.log) ++round.settings.log->round;
+    if (round.settings.guide_log) ++round.settings.guide_log->round;
     refill<W>(round, slots);
     if (round.worker.pool->count == 0) break;
     trace<W>(round);
@@ -44,8 +44,7 @@ void run_rounds(Round& round, int slots) {
   }
 }
 
-// Logs the values of the samples [0, slots), after what the image leaves out
-// was removed.
+// Logs the values of the samples [0, slots), after what the image leaves out was removed.
 inline void log_samples(PathLog& log, const Round& round, int slots) {
   const Worker& w = round.worker;
   for (int s = 0; s < slots; ++s) {

@@ -1,8 +1,8 @@
 // State that all stages of the path loop share: the scene, one task's samples, and the worker that renders them.
 //
-// A round advances every path of the pool by one vertex: refill with camera rays, trace, shade (which leaves the surviving
-// paths compacted in the other pool and shadow rays in a queue), trace the shadow rays. Each stage is a file of free functions
-// over this.
+// A round advances every path of the pool by one vertex: refill with camera rays, trace, cross media (in scenes that have
+// any), shade (which leaves the surviving paths compacted in the other pool and shadow rays in a queue), trace the shadow rays.
+// Each stage is a file of free functions over this.
 #pragma once
 
 #include <memory>
@@ -70,12 +70,11 @@ struct Round {
   int pixel_y(int i) const { return block.y0 + worker.pixel_y[i] * block.stride_y; }
 };
 
-// Returns the log of the paths, which only the loop for one lane writes; null:
-// none.
+// Returns the log of the paths, which only the loop for one lane writes; null: none.
 template <int W>
 PRIMRAY_INLINE PathLog* path_log(const Round& round) {
   if constexpr (W == 1)
-    return round.settings.paths;
+    return round.settings.path_log;
   else
     return nullptr;
 }
@@ -112,7 +111,7 @@ PRIMRAY_INLINE vint<W> sum_of(const Round& round, vint<W> slot, vint<W> scatteri
 template <int W>
 PRIMRAY_INLINE void add_to_slots(const Round& round, vbool<W> m, vint<W> slot, const vvec3<W>& c) {
   Worker& w = round.worker;
-  GuideLog* const log = round.settings.log;
+  GuideLog* const log = round.settings.guide_log;
   const vfloat<W> zero(0.0f);
   for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
     const int i = __builtin_ctz(b), s = slot[i];

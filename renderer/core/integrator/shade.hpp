@@ -1,4 +1,4 @@
-// Third stage of a round, at each ray's hit: collects emission, samples lights, and scatters.
+// Stage of a round at each ray's hit: collects emission, samples lights, and scatters.
 #pragma once
 
 #include <algorithm>

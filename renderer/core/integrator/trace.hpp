@@ -35,7 +35,7 @@ void occlude_stream(const TriangleBvh& bvh, RayRecorder* recorder, const ShadowQ
   occluded_interleaved(bvh, uint32_t(queue.count), queue.ray_columns(), blocked);
 }
 
-// Second stage of a round: intersects the pool's rays with the scene.
+// Stage of a round: intersects the pool's rays with the scene.
 template <int W>
 void trace(Round& round) {
   Worker& w = round.worker;

@@ -14,7 +14,7 @@ void log_pixel(const Scene& scene, const IntegratorSettings& asked, int x, int y
                PathLog& log) {
   log.origin = scene.origin, log.scale = scene.scale;
   IntegratorSettings settings = asked;
-  settings.paths = &log;
+  settings.path_log = &log;
   const int removals =
       (settings.clamps() ? 1 << kClamped : 0) | (settings.lpe && settings.lpe->leaves_out >= 0 ? 1 << kCaustics : 0);
   Film film(1, 1, settings.lpe ? settings.lpe->expressions : 0, removals);

@@ -25,14 +25,10 @@ from ..textures.texture_set import with_read_textures
 
 if TYPE_CHECKING:
     from ..core import CoreScene
-    from ..description import SceneDescription, Shape
-    from ..diagnostics import Diagnostics
-    from ..render.prepare import Textures
-    from ..report.summary import ImageSize
+    from ..description import Shape
 
     Limits = list[tuple[str, str, str]]
     Counts = tuple[dict[str, int], dict[str, Any] | None]
-    from ..settings import RenderSettings
 
 
 # Fields that decide how finely control cages are diced.

@@ -160,6 +160,6 @@ def scaled_to(light: Light, wanted: Photometric, of_one: Doubles) -> Light | Non
 
 
 def clamped(light: Light) -> Light:
-    """Return the light with its emission clamped to BRIGHTEST."""
+    """Return the light with its emission clamped to BRIGHTEST_EMISSION."""
     r, g, b = (min(x, BRIGHTEST_EMISSION) for x in light.emission)
     return replace(light, emission=(r, g, b))

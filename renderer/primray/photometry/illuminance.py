@@ -101,7 +101,7 @@ def _length(vector: Doubles) -> float:
 
 
 def _rect_elements(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
-    width, height = sizes[:2]
+    width, height = sizes.width, sizes.height
     x, wx = _dense(-width / 2, width / 2, 0.0, distance / _length(axes[:, 0]))
     y, wy = _dense(-height / 2, height / 2, 0.0, distance / _length(axes[:, 1]))
     places = x[:, None, None] * axes[:, 0] + y[None, :, None] * axes[:, 1]
@@ -109,7 +109,7 @@ def _rect_elements(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
 
 
 def _disk_elements(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
-    r, wr = _dense(0.0, sizes[2], 0.0, distance / _length(axes[:, 0]))
+    r, wr = _dense(0.0, sizes.radius, 0.0, distance / _length(axes[:, 0]))
     turn = (np.arange(_NODES) + 0.5) * (2 * math.pi / _NODES)
     around = np.cos(turn)[:, None] * axes[:, 0] + np.sin(turn)[:, None] * axes[:, 1]
     weights = np.repeat(wr * r * (2 * math.pi / _NODES), _NODES)
@@ -118,7 +118,7 @@ def _disk_elements(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
 
 def _cylinder_elements(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
     """Return the elements of a cylinder that are visible from the patch; none from inside."""
-    _, _, radius, length = sizes
+    radius, length = sizes.radius, sizes.length
     at = np.linalg.solve(axes, axis_of(axes) * distance)  # the patch, in the light's frame
     away = math.hypot(at[1], at[2])
     if away <= radius:
@@ -137,7 +137,7 @@ def _cylinder_elements(axes: Doubles, sizes: Sizes, distance: float) -> Elements
 def _from_line(axes: Doubles, sizes: Sizes, shaping: Shaping | None, distance: float) -> Doubles:
     """Return the illuminance by a line, whose emission is radiant intensity per length, perpendicular to it."""
     along, axis = axes[:, 0], axis_of(axes)
-    x, wx = _dense(-sizes[3] / 2, sizes[3] / 2, 0.0, distance / _length(along))
+    x, wx = _dense(-sizes.length / 2, sizes.length / 2, 0.0, distance / _length(along))
     towards = axis * distance - x[:, None] * along
     apart = np.linalg.norm(towards, axis=1)
     directions = towards / apart[:, None]
@@ -152,11 +152,11 @@ def _from_sphere(axes: Doubles, sizes: Sizes, shaping: Shaping | None, distance:
     axis = axis_of(axes)
     at = np.linalg.solve(axes, axis * distance)
     away = float(np.linalg.norm(at))
-    if away <= sizes[2]:
+    if away <= sizes.radius:
         return np.zeros(3)
     towards, first = -at / away, np.cross(at, np.eye(3)[np.argmin(np.abs(at))])
     first /= np.linalg.norm(first)
-    beta, wb = _dense(0.0, math.asin(sizes[2] / away), 0.0, math.pi)
+    beta, wb = _dense(0.0, math.asin(sizes.radius / away), 0.0, math.pi)
     turn = (np.arange(_NODES) + 0.5) * (2 * math.pi / _NODES)
     sideways = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(towards, first)
     local = np.cos(beta)[:, None, None] * towards + np.sin(beta)[:, None, None] * sideways
@@ -171,7 +171,7 @@ def _from_sphere(axes: Doubles, sizes: Sizes, shaping: Shaping | None, distance:
 def _image_illuminance(linear: bytes, sizes: Sizes, shaping: Shaping | None, distance: float, image: Floats) -> Doubles:
     """Return the illuminance by a rectangle's image (first row at +Y, first column at +X), bilinear as in the core."""
     axes = axes_with_depth(np.frombuffer(linear).reshape(3, 3))
-    width, height = sizes[:2]
+    width, height = sizes.width, sizes.height
     down, across = (_places(count) for count in image.shape[:2])
     total = np.zeros(3)
     step = area_vector(axes) * (width * height / (len(down) * len(across)))

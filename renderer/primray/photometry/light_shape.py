@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import assert_never
+from typing import NamedTuple, assert_never
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,14 @@ import numpy.typing as npt
 from ..arrays import Doubles
 from ..description.lighting import IesProfile, Light, LightType, Shaping
 
-Sizes = tuple[float, float, float, float]  # width, height, radius, length
+
+class Sizes(NamedTuple):
+    """Sizes of a light before its transform."""
+
+    width: float
+    height: float
+    radius: float
+    length: float
 
 
 def shape_key(light: Light) -> tuple[bytes, Sizes]:
@@ -26,7 +33,8 @@ def shape_key(light: Light) -> tuple[bytes, Sizes]:
     straight = own.T @ (stretch[:, None] * own)  # the symmetric factor of a polar decomposition
     largest = float(np.abs(straight).max())
     digits = 12 - math.floor(math.log10(largest)) if 0 < largest < math.inf else 0
-    return np.ascontiguousarray(np.round(straight, digits)).tobytes(), (light.width, light.height, light.radius, light.length)
+    sizes = Sizes(light.width, light.height, light.radius, light.length)
+    return np.ascontiguousarray(np.round(straight, digits)).tobytes(), sizes
 
 
 def axes_with_depth(linear: Doubles) -> Doubles:

@@ -572,7 +572,7 @@ class RenderSettings:
         ),
         member=Member(items=(1, 4), choices=PURPOSES),
     )
-    # Names or sources (aov_names.AOVS); None: those of the stage's product.
+    # Names or sources (aovs.AOVS); None: those of the stage's product.
     aovs: tuple[str, ...] | None = setting(
         None,
         texts,

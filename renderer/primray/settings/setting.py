@@ -114,7 +114,8 @@ def setting(
 ) -> Default | Value:
     """Declare a field of RenderSettings.
 
-    `check` sees values other than None. `sampling`: the translated scene does not depend on it. `seldom`: files and reports
+    `check` sees values other than None. `sampling`: the translated scene does not depend on it; where dicing or building does,
+    incremental/steps.py compares it. `seldom`: files and reports
     leave it out at its default, as they do with bias and staging.
     """
     is_seldom = seldom or counts in (Counts.BIAS, Counts.STAGING)

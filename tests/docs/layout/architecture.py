@@ -17,7 +17,7 @@ WITNESSES: Mapping[str, str] = {
     "A light type": r"\bLightType\.(CYLINDER|DISK)\b|\bLightType::k(Cylinder|Disk)\b|\b(Cylinder|Disk)Light\b",
     "A prim type": r'"HermiteCurves"|\bCurvedKindList\b',
     "A lobe of UsdPreviewSurface": r"\bkClearcoat\b|\b(b|bsdf)\.any_coat\b|\bbsdf\.p_coat\b",
-    "A lobe of OpenPBR": r"\bfuzz_weight\b",
+    "A lobe of OpenPBR": r"\bfuzz_weight\b|\"fuzz\"|\bp_fuzz\b",
     "A diagnostic": r"^CODES\b.*=",
     "A route": r"^ROUTERS\b.*=",
     "An AOV": r'"geometric_normal"',

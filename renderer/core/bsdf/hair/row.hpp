@@ -64,7 +64,8 @@ PRIMRAY_INLINE void for_each_hair_input(const F& f) {
 
 inline std::string hair_name(std::string_view name) { return "hair_" + std::string(name); }
 // Hair's fields come after those of OpenPBR's inputs.
-constexpr int32_t kFirstHairField = int32_t(InputField::kOpenPbr) + 64;
+constexpr int kMostOpenPbrFields = 64;
+constexpr int32_t kFirstHairField = int32_t(InputField::kOpenPbr) + kMostOpenPbrFields;
 constexpr InputField hair_field(int k) { return InputField(kFirstHairField + k); }
 
 // Inputs in lanes, all of one surface.

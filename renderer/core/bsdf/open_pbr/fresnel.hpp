@@ -7,27 +7,28 @@
 
 namespace primray {
 
-// Indices of dispersive glass at three wavelengths, one per channel: 611, 549 and 464 nm, at the primaries of Rec.709.
-constexpr double per_square(double nm) { return 1 / (nm * nm); }
-constexpr double kDispersionRange = per_square(486.1) - per_square(656.3);  // of the Fraunhofer lines F and C
-constexpr float channel_at(double nm) { return float((per_square(nm) - per_square(587.6)) / kDispersionRange); }
-constexpr float kChannels[3] = {channel_at(611), channel_at(549), channel_at(464)};
+// Wavelengths of dispersion, one per channel: 611, 549 and 464 nm, at the primaries of Rec.709, as Cauchy's formula has them.
+constexpr double inverse_square(double nm) { return 1 / (nm * nm); }
+constexpr double kDispersionRange = inverse_square(486.1) - inverse_square(656.3);  // of the Fraunhofer lines F and C
+constexpr float channel_at(double nm) { return float((inverse_square(nm) - inverse_square(587.6)) / kDispersionRange); }
+constexpr float kCauchyCoordinate[3] = {channel_at(611), channel_at(549), channel_at(464)};
 
 // Value for each lane's channel: 0, 1 or 2.
 template <int W>
 PRIMRAY_INLINE vfloat<W> channel_of(vint<W> k) {
   using F = vfloat<W>;
-  return select(k == vint<W>(0), F(kChannels[0]), select(k == vint<W>(1), F(kChannels[1]), F(kChannels[2])));
+  return select(k == vint<W>(0), F(kCauchyCoordinate[0]),
+                select(k == vint<W>(1), F(kCauchyCoordinate[1]), F(kCauchyCoordinate[2])));
 }
 
-// Cauchy's formula: n = n_d + (n_d - 1) / V (1 / l^2 - 1 / l_d^2) / (1 / l_F^2 - 1 / l_C^2), from `index` n_d, 1 / V, and a
-// value of kChannels.
+// Cauchy's formula: n = n_d + (n_d - 1) / V (1 / l^2 - 1 / l_d^2) / (1 / l_F^2 - 1 / l_C^2), from `index` n_d, 1 / V, and the
+// channel's kCauchyCoordinate.
 template <int W>
 PRIMRAY_INLINE vfloat<W> dispersed_index(vfloat<W> index, vfloat<W> inverse_abbe, vfloat<W> channel) {
   return index + (index - 1.0f) * inverse_abbe * channel;
 }
 
-// Dielectric, `eta` being the index beyond the interface over that before it: 1 under total reflection.
+// Reflectance of a dielectric with eta = eta_t / eta_i; 1 under total internal reflection.
 template <int W>
 PRIMRAY_INLINE vfloat<W> dielectric_fresnel(vfloat<W> cosine, vfloat<W> eta) {
   const vfloat<W> c = clamp(cosine, 0.0f, 1.0f), inverse = 1.0f / eta, sin2 = (1.0f - c * c) * inverse * inverse;
@@ -36,7 +37,7 @@ PRIMRAY_INLINE vfloat<W> dielectric_fresnel(vfloat<W> cosine, vfloat<W> eta) {
   return select(sin2 >= vfloat<W>(1.0f), vfloat<W>(1.0f), 0.5f * (s * s + p * p));
 }
 
-// E_F: hemispherical mean of that for eta from 1 to 5, within 8e-4 of quadrature.
+// E_F: cosine-weighted hemispherical average of the Fresnel reflectance for eta from 1 to 5, within 8e-4 of quadrature.
 template <int W>
 PRIMRAY_INLINE vfloat<W> mean_fresnel(vfloat<W> eta) {
   const vfloat<W> e = (eta - 1.0f) / (eta + 1.0f);

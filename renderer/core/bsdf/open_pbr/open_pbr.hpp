@@ -397,7 +397,7 @@ struct OpenPbr {
   PRIMRAY_INLINE V of_channels(F cosine) const {
     const V f = dielectric(cosine, eta, select(within, above / eta, above));
     if (!any_dispersion) return f;
-    const auto channel = [&](int k) { return dielectric_fresnel(cosine, index_of(F(kChannels[k]))); };
+    const auto channel = [&](int k) { return dielectric_fresnel(cosine, index_of(F(kCauchyCoordinate[k]))); };
     return select((dispersion > F(0.0f)) & !(film > F(0.0f)), V(channel(0), channel(1), channel(2)), f);
   }
   PRIMRAY_INLINE V metal_reflects(F cosine) const {
@@ -462,7 +462,7 @@ struct OpenPbr {
         F sum(zero);
         for (int k = 0; k < 3; ++k) {
           F one_pdf;
-          const V of = refracted(wo, wi, index_of(F(kChannels[k])), one_pdf);
+          const V of = refracted(wo, wi, index_of(F(kCauchyCoordinate[k])), one_pdf);
           (k == 0 ? each.x : k == 1 ? each.y : each.z) = k == 0 ? of.x : k == 1 ? of.y : of.z;
           sum += one_pdf * (1.0f / 3);
         }

@@ -45,7 +45,7 @@ bool pays(const Scene& scene, int max_depth, const CausticGuide& guide, TaskFunc
   IntegratorSettings settings{max_depth, 1, 0, 1};
   settings.caustics = &guide;
   GuideLog log(Worker::kSlots);
-  settings.log = &log;
+  settings.guide_log = &log;
   const Pilot pilot(scene, settings, task);
   const Pilot* whole[] = {&pilot};
   const double error = relative_error(pilot, whole, kLeftOut);

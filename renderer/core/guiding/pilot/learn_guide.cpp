@@ -58,7 +58,7 @@ std::vector<Record> run_task(const Scene& scene, IntegratorSettings settings, Ta
   block.x0 = number * 7 % block.stride_x, block.y0 = number * 5 % block.stride_y;
   for (int& n : block.count) n = kBlock;
   GuideLog log(Worker::kSlots);
-  settings.log = &log;
+  settings.guide_log = &log;
   const auto worker = std::make_unique<Worker>();
   Film film(kTile, kTile);
   task(scene, settings, block, *worker, film, nullptr);

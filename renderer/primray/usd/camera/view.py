@@ -176,7 +176,7 @@ def _named_camera(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.
         return named[0]
     listed = ", ".join(str(c.GetPath()) for c in (named or cameras)[:20]) or "none"
     problem = f"Several cameras are called {asked}" if named else f"There is no camera {asked}"
-    raise SettingsError(f"{problem}; the stage's cameras: {listed}.", where=asked, code="unknown-camera")
+    raise SettingsError(f"{problem}; the stage's cameras: {listed}", where=asked, code="unknown-camera")
 
 
 def _resolution(asked: tuple[int, int] | None, product: ProductSettings, aperture: Aperture) -> tuple[int, int]:
@@ -186,7 +186,7 @@ def _resolution(asked: tuple[int, int] | None, product: ProductSettings, apertur
     square = product.conform_policy == "adjustPixelAspectRatio"
     aspect = aperture.aspect / (1.0 if square else product.pixel_aspect_ratio)
     if width < 0 or height < 0 or (width == 0 and height == 0):
-        raise SettingsError(f"An image of {width} x {height} pixels cannot be made.", code="resolution")
+        raise SettingsError(f"an image of {width} x {height} pixels cannot be made", code="resolution")
     if height == 0:
         height = max(1, round(width / aspect))
     elif width == 0:

@@ -155,7 +155,7 @@ class Network:
             further = at.attribute(name)
             if further is not None and (is_output or name.startswith(INPUT)):
                 return self._follow(further, (*passed, attribute))
-        self._note(attribute, f"It is connected to {path}, which does not exist.")
+        self._note(attribute, f"It is connected to {path}, which is no input or output of a shading node.")
         return None
 
     def _note(self, attribute: AuthoredAttribute, message: str) -> None:
