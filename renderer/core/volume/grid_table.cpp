@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <optional>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -13,7 +15,7 @@
 namespace primray {
 namespace {
 
-constexpr size_t kMostNodes = size_t(1) << 27;
+constexpr size_t kMostNodes = size_t(1) << 27, kMostEntries = size_t(1) << 30;
 
 using Place = std::array<int32_t, 3>;  // of a leaf or a node, in units of it
 
@@ -94,16 +96,15 @@ class Blocks {
     std::sort(sorted.begin(), sorted.end());
     return sorted;
   }
-  // The block of all cells of a node whose values are all the same, as are those that its cells reach; -1: there is none.
-  int32_t uniform_block(const Place& node) const {
-    const auto own = nodes_.find(node);
-    if (own == nodes_.end() || has_leaves_.contains(node)) return -1;
-    for (int m = 1; m < 8; ++m) {
+  // Blocks of a node without leaves and of the seven nodes above it, on which its cells depend; none if one of them has leaves.
+  std::optional<std::array<int32_t, 8>> blocks_around(const Place& node) const {
+    std::array<int32_t, 8> blocks{};
+    for (int m = 0; m < 8; ++m) {
       const Place next = above(node, m);
-      const auto found = nodes_.find(next);
-      if (found == nodes_.end() || found->second != own->second || has_leaves_.contains(next)) return -1;
+      if (has_leaves_.contains(next)) return std::nullopt;
+      if (const auto found = nodes_.find(next); found != nodes_.end()) blocks[size_t(m)] = found->second;
     }
-    return own->second;
+    return blocks;
   }
   void close() {
     for (const auto& [leaf, block] : leaves_) has_leaves_.insert(node_at(leaf));
@@ -192,25 +193,26 @@ int GridTable::add(const GridInput& grid) {
     count *= size_t(row.nodes_along[a]);
     if (count > kMostNodes) throw Error("volume-too-large", "a grid spans more than 2^27 nodes of 128^3 voxels");
   }
-  if (leaf_of.size() + nodes.size() * kNodeEntries > size_t(INT32_MAX) / 2 || node_of.size() + count > size_t(INT32_MAX))
-    throw Error("volume-too-large", "the grids of the scene have more than 2^18 nodes of 128^3 voxels");
+  if (node_of.size() + count > size_t(INT32_MAX)) throw Error("volume-too-large", "the grids of the scene span too many nodes");
   node_of.resize(node_of.size() + count, 0);
 
-  // Fill the nodes; those inside a large tile are all alike.
+  // Fill the nodes; those of large tiles with the same neighbours are one.
   Range of_grid;
-  std::unordered_map<int32_t, int32_t> uniform;
+  std::map<std::array<int32_t, 8>, int32_t> without_leaves;
   for (const Place& node : nodes) {
     const size_t at =
         (size_t(node[0] - low[0]) * size_t(row.nodes_along[1]) + size_t(node[1] - low[1])) * size_t(row.nodes_along[2]) +
         size_t(node[2] - low[2]);
     int32_t& number = node_of[size_t(row.node_base) + at];
-    const int32_t same = blocks.uniform_block(node);
-    if (const auto found = uniform.find(same); same >= 0 && found != uniform.end()) {
+    const std::optional<std::array<int32_t, 8>> around = blocks.blocks_around(node);
+    if (around) {
+      const auto [found, is_new] = without_leaves.try_emplace(*around, int32_t(leaf_of.size() / kNodeEntries));
       number = found->second;
-      continue;
+      if (!is_new) continue;
     }
+    if (leaf_of.size() > kMostEntries)
+      throw Error("volume-too-large", "the grids of the scene have more than 2^18 nodes of 128^3 voxels");
     number = int32_t(leaf_of.size() / kNodeEntries);
-    if (same >= 0) uniform[same] = number;
     Range of_node;
     for (int32_t k = 0; k < kNodeEntries; ++k) {
       const Place leaf{node[0] * kNodeLeaves + k / 256, node[1] * kNodeLeaves + k / 16 % 16, node[2] * kNodeLeaves + k % 16};

@@ -109,7 +109,7 @@ def test_a_render_that_waits_for_a_vague_error_says_so_and_an_estimate_counts_th
 ) -> None:
     (tmp_path / "balls.usda").write_text(balls())
     size, target = (48, 27), 0.5
-    cost = primray.estimate(tmp_path / "balls.usda", [target], resolution=size, seed=seed, pilot_seconds=0.3)
+    cost = primray.estimate(tmp_path / "balls.usda", [target], resolution=size, seed=seed, pilot_seconds=0.05)
     assert cost.error.value < target < cost.error.high  # so the pilot alone does not answer
     samples = cost.predictions[0].samples
     assert samples is not None

@@ -38,8 +38,8 @@ DROPPED = frozenset({"lost", "expired", "gone"})
 
 @dataclass(frozen=True)
 class Taken:
-    """Samples that parts have taken of a frame whose picture is to be made: it takes samples up to `samples` (no more than
-    `merged`, except for an odd one), since it is complete or out of time."""
+    """Samples of a frame in parts that is complete or out of time, whose picture is to be made. The picture takes `samples` per
+    pixel: at most `merged`, those in the frame's merged checkpoint, or one more where that is odd."""
 
     samples: int
     merged: int
