@@ -45,9 +45,14 @@ OF_PROCESSES = ("tests/images/notebooks", "tests/images/parts")
 UNITS = Group("units", ("tests/unit", "tests/translation", "tests/properties", "tests/docs"))
 PICTURES = Group("pictures", ("tests/kernels", "tests/images"), left_out=OF_PROCESSES)
 CASES = Group("cases", ("tests/hard", "tests/statistics", "tests/reference", "tests/bench", "tests/deploy"))
-PROCESSES = Group("processes", ("tests/contrib", "tests/examples", *OF_PROCESSES, "tests/service"), workers=4)
+# Several clusters at once starve each other: these tests share one.
+OF_CLUSTERS = ("tests/service/executor/ray", "tests/service/farm")
+CLUSTERS = Group("clusters", OF_CLUSTERS)
+PROCESSES = Group(
+    "processes", ("tests/contrib", "tests/examples", *OF_PROCESSES, "tests/service"), left_out=OF_CLUSTERS, workers=3
+)
 QUICK = (UNITS, PICTURES)
-ALL = (UNITS, PICTURES, CASES, PROCESSES)
+ALL = (UNITS, PICTURES, CASES, PROCESSES, CLUSTERS)
 
 
 class Run:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from primray.diagnostics import Diagnostics
 from primray.render.prepare import open_once, prepare
 from primray.report import picture_checks
 from primray.report.report import Costs
+from primray.sampling import prediction
+from primray.sampling.prediction import run_pilot
 from primray.settings import RenderSettings
 
 SCENES = Path(__file__).parents[3] / "scenes"
@@ -103,13 +106,21 @@ def Material "m{k}"
     return text
 
 
+def pilot_of_16_samples(scene: Any, settings: RenderSettings, seconds: float, progress: Any = None) -> Any:
+    """A pilot that does not depend on how fast the machine is."""
+    with pytest.MonkeyPatch.context() as limited:
+        limited.setattr(prediction, "MAX_SPP", 16)
+        return run_pilot(scene, settings, 60.0, progress)
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_render_that_waits_for_a_vague_error_says_so_and_an_estimate_counts_the_wait(
-    tmp_path: Path, seed: int, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, seed: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "balls.usda").write_text(balls())
     size, target = (48, 27), 0.5
-    cost = primray.estimate(tmp_path / "balls.usda", [target], resolution=size, seed=seed, pilot_seconds=0.05)
+    monkeypatch.setattr(prediction, "run_pilot", pilot_of_16_samples)
+    cost = primray.estimate(tmp_path / "balls.usda", [target], resolution=size, seed=seed)
     assert cost.error.value < target < cost.error.high  # so the pilot alone does not answer
     samples = cost.predictions[0].samples
     assert samples is not None

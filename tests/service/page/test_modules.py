@@ -92,7 +92,11 @@ def test_formats_that_the_server_advises_on_are_those_that_are_sent_to_it():
 
 @pytest.mark.parametrize(
     ("paths", "sentence"),
-    [([], "no file"), (["a.png", "b.txt"], "None of these files is a USD layer"), ([".DS_Store"], "no file")],
+    [
+        ([], "Nothing that was dropped is a file"),
+        (["a.png", "b.txt"], "None of these files is a USD layer"),
+        ([".DS_Store"], "Nothing that was dropped is a file"),
+    ],
 )
 def test_what_cannot_be_rendered_is_said(page, paths, sentence):
     script = """async (paths) => {
