@@ -175,7 +175,7 @@ def test_a_cell_of_one_value_has_no_variance() -> None:
     assert transmittance[0] == pytest.approx(np.exp([-0.5, -1.0, -1.5]), rel=1e-5)
 
 
-@pytest.mark.parametrize("extinction", [1e-9, 1e3])
+@pytest.mark.parametrize("extinction", [1e-9, 1e3, 1e6])
 def test_extreme_densities(extinction: float) -> None:
     transmittance, (happens, t, _), _ = estimates(cloud().table(), *RAYS[0][:2], 150.0, extinction * np.array(GRAY), 2000)
     if extinction < 1.0:

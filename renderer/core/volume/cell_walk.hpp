@@ -1,6 +1,7 @@
 // Cells of a grid along a ray, nearest first, with the range of values in each: a digital differential analyser over leaves,
-// and over nodes where a node is a cell of its own (Amanatides and Woo 1987, "A Fast Voxel Traversal Algorithm for Ray
-// Tracing"; two levels as in Museth 2014, "Hierarchical Digital Differential Analyzer for Efficient Ray-Marching in OpenVDB").
+// over nodes where little happens in a node, and over voxels where a leaf is dense (Amanatides and Woo 1987, "A Fast Voxel
+// Traversal Algorithm for Ray Tracing"; two levels as in Museth 2014, "Hierarchical Digital Differential Analyzer for Efficient
+// Ray-Marching in OpenVDB").
 #pragma once
 
 #include "math/vec3.hpp"
@@ -17,8 +18,8 @@ struct CellWalk {
   F t, end;                // where the walk is, and where it ends
   F next;                  // where the ray leaves the cell
   F low, high;             // range of the cell's values
-  I x[3], side;            // the cell's lowest leaf, in units of leaves, and its side: 1 or 16
-  F thin;                  // nodes with less than this product of value and distance are cells of their own
+  I x[3], side;            // the cell's lowest voxel, and its side: 1, 8 or 128 voxels
+  F thin, dense;           // products of value and distance: of a node that is a cell, and of a leaf that is divided
 
   // Begins at `from`. `per_value`: optical depth per unit of value and distance.
   PRIMRAY_INLINE void begin(const GridRows<W>& grid, vbool<W> m, const vvec3<W>& origin, const vvec3<W>& direction, F from,
@@ -27,9 +28,9 @@ struct CellWalk {
     o = origin, d = {away(direction.x), away(direction.y), away(direction.z)};
     inverse = {1.0f / d.x, 1.0f / d.y, 1.0f / d.z};
     t = from, end = to;
-    thin = kThinNode / max(per_value, 1e-30f);
+    thin = kThinNode / max(per_value, 1e-30f), dense = kDenseLeaf / max(per_value, 1e-30f);
     const vvec3<W> p = at(from);
-    x[0] = floor_to_int(p.x * 0.125f), x[1] = floor_to_int(p.y * 0.125f), x[2] = floor_to_int(p.z * 0.125f);
+    x[0] = floor_to_int(p.x), x[1] = floor_to_int(p.y), x[2] = floor_to_int(p.z);
     look(grid, m);
   }
   PRIMRAY_INLINE vvec3<W> at(F distance) const { return o + d * distance; }
@@ -37,8 +38,8 @@ struct CellWalk {
   PRIMRAY_INLINE vvec3<W> in_cell(F distance) const {
     const vvec3<W> p = at(distance);
     const auto within = [&](F a, int axis) {
-      const F first = to_float(x[axis]) * 8.0f;
-      return min(max(a, first), first + to_float(side) * 8.0f);
+      const F first = to_float(x[axis]);
+      return min(max(a, first), first + to_float(side));
     };
     return {within(p.x, 0), within(p.y, 1), within(p.z, 2)};
   }
@@ -52,7 +53,7 @@ struct CellWalk {
     for (int a = 0; a < 3; ++a) {
       const I first = x[a], last = first + side - I(1);
       const vbool<W> up = ways[a] > F(0.0f);
-      const I inside = min(max(floor_to_int(places[a] * 0.125f), first), last);
+      const I inside = min(max(floor_to_int(places[a]), first), last);
       x[a] = select(m, select(by[a], select(up, last + I(1), first - I(1)), inside), first);
     }
     t = select(m, next, t);
@@ -60,36 +61,52 @@ struct CellWalk {
   }
 
  private:
-  static constexpr float kThinNode = 0.25f;
+  static constexpr float kThinNode = 0.25f, kDenseLeaf = 32;
 
   // Distance at which the ray leaves the cell along an axis.
   PRIMRAY_INLINE F exit(int axis) const {
     const F way = axis == 0 ? d.x : axis == 1 ? d.y : d.z, from = axis == 0 ? o.x : axis == 1 ? o.y : o.z;
     const F per = axis == 0 ? inverse.x : axis == 1 ? inverse.y : inverse.z;
     const I bound = x[axis] + select(way > F(0.0f), side, I(0));
-    return (to_float(bound) * 8.0f - from) * per;
+    return (to_float(bound) - from) * per;
   }
   PRIMRAY_INLINE F nearest_exit() const { return min(exit(0), min(exit(1), exit(2))); }
 
-  // Reads the cell that has the leaf x.
+  // Makes the cell of lanes `m` the one of that side that has the voxel `voxel`.
+  PRIMRAY_INLINE void set_cell(vbool<W> m, const I (&voxel)[3], int new_side) {
+    for (int a = 0; a < 3; ++a) x[a] = select(m, voxel[a] & I(-new_side), x[a]);
+    side = select(m, I(new_side), side);
+  }
+  // Reads the cell that has the voxel x.
   PRIMRAY_INLINE void look(const GridRows<W>& grid, vbool<W> m) {
-    const I node = grid.node(x[0] >> 4, x[1] >> 4, x[2] >> 4), leaf[3] = {x[0], x[1], x[2]}, was = side;
+    const I voxel[3] = {x[0], x[1], x[2]}, node = grid.node(voxel[0] >> 7, voxel[1] >> 7, voxel[2] >> 7);
     const float* nodes = grid.table.node_ranges.data();
     F least = gather<W>(nodes, node << 1), most = gather<W>(nodes + 1, node << 1);
-    // Take the whole node as a cell where little happens in it.
-    const I mask(~(kNodeLeaves - 1));
-    for (int a = 0; a < 3; ++a) x[a] = select(m, x[a] & mask, x[a]);
-    side = select(m, I(kNodeLeaves), was);
-    const vbool<W> fine = m & (most * (nearest_exit() - t) > thin) & (least < most);
-    if (any(fine)) {
-      const I entry = GridRows<W>::entry(node, leaf[0], leaf[1], leaf[2]) << 1;
+    set_cell(m, voxel, kNodeSide);
+    const vbool<W> by_leaf = m & (most * (nearest_exit() - t) > thin) & (least < most);
+    if (any(by_leaf)) {
+      const I entry = GridRows<W>::entry(node, voxel[0] >> 3, voxel[1] >> 3, voxel[2] >> 3) << 1;
       const float* leaves = grid.table.leaf_ranges.data();
-      least = select(fine, gather<W>(leaves, entry), least), most = select(fine, gather<W>(leaves + 1, entry), most);
-      for (int a = 0; a < 3; ++a) x[a] = select(fine, leaf[a], x[a]);
-      side = select(fine, I(1), side);
+      least = select(by_leaf, gather<W>(leaves, entry), least), most = select(by_leaf, gather<W>(leaves + 1, entry), most);
+      set_cell(by_leaf, voxel, kLeafSide);
+      const vbool<W> by_voxel = by_leaf & (most * (nearest_exit() - t) > dense) & (least < most);
+      if (any(by_voxel)) {
+        set_cell(by_voxel, voxel, 1);
+        look_at_corners(grid, by_voxel, voxel, least, most);
+      }
     }
     low = select(m, least, low), high = select(m, most, high);
     next = select(m, max(min(nearest_exit(), end), t), next);
+  }
+
+  // Sets the range of the values at the corners of cells of one voxel.
+  PRIMRAY_RARE void look_at_corners(const GridRows<W>& grid, vbool<W> m, const I (&voxel)[3], F& least, F& most) const {
+    F low_corner(kInfinity), high_corner(-kInfinity);
+    for (int c = 0; c < 8; ++c) {
+      const F value = grid.value(voxel[0] + I(c >> 2), voxel[1] + I(c >> 1 & 1), voxel[2] + I(c & 1));
+      low_corner = min(low_corner, value), high_corner = max(high_corner, value);
+    }
+    least = select(m, low_corner, least), most = select(m, high_corner, most);
   }
 };
 
