@@ -26,13 +26,13 @@ def _a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_snapshots_are_pictures_and_change_no_bit() -> None:
-    settings = primray.RenderSettings(resolution=(64, 48), spp=512)
+    settings = primray.RenderSettings(resolution=(64, 48), spp=2048)
     seen: list[Image] = []
     [image] = render_frames("s.usda", [settings], snapshots=Snapshots(1e-6, seen.append))
     assert seen
     samples = [int(snapshot.metadata["samples"]) for snapshot in seen]
     assert samples == sorted(samples)
-    assert 0 < samples[0] < 64 * 48 * 512
+    assert 0 < samples[0] < 64 * 48 * 2048
     assert np.isfinite(seen[-1].pixels).all()
     assert (image.pixels == primray.render("s.usda", settings).pixels).all()
 
@@ -41,7 +41,7 @@ def test_with_checkpoints_too() -> None:
     from primray.checkpoints.checkpointing import Checkpointing
 
     seen: list[Image] = []
-    settings = primray.RenderSettings(resolution=(64, 48), spp=512)
+    settings = primray.RenderSettings(resolution=(64, 48), spp=2048)
     checkpointing = [Checkpointing(Path("c.prc"), 1e-6)]
     [image] = render_frames("s.usda", [settings], snapshots=Snapshots(1e-6, seen.append), checkpointing=checkpointing)
     assert seen
@@ -58,12 +58,12 @@ def test_they_are_written_to_the_outputs_of_their_frame(monkeypatch: pytest.Monk
         return write(image, path, *how)
 
     monkeypatch.setattr(Image, "write", written_now)
-    command = ["render", "s.usda", "-o", "a.#.exr", "-f", "1:2", "--res", "64", "48", "--spp", "512"]
+    command = ["render", "s.usda", "-o", "a.#.exr", "-f", "1:2", "--res", "64", "48", "--spp", "2048"]
     assert run([*command, "--snapshot", "0.000001"]) == 0
     for frame in ("a.1.exr", "a.2.exr"):
         assert (frame, True) in written
         assert [unfinished for name, unfinished in written if name == frame][-1] is False
-        assert read_measured(frame).sample_span == (512, 512)
+        assert read_measured(frame).sample_span == (2048, 2048)
 
 
 def test_one_that_cannot_be_written_ends_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -75,7 +75,7 @@ def test_one_that_cannot_be_written_ends_nothing(monkeypatch: pytest.MonkeyPatch
         return write(image, path, *how)
 
     monkeypatch.setattr(Image, "write", written_now)
-    assert run(["render", "s.usda", "--res", "64", "48", "--spp", "512", "--snapshot", "0.000001"]) == 0
+    assert run(["render", "s.usda", "--res", "64", "48", "--spp", "2048", "--snapshot", "0.000001"]) == 0
     assert "warning: the unfinished picture could not be saved: write-failed" in capsys.readouterr().err
     assert Path("s.exr").exists()
 
