@@ -53,6 +53,34 @@ PRIMRAY_INLINE vfloat<W> value_near(const GridRows<W>& grid, const CellWalk<W>& 
   return grid.value(voxel.x, voxel.y, voxel.z);
 }
 
+// Follows a segment through its cells, with events at the rate `rate_of(walk)`. `at_event(lanes, t)` returns the lanes that end
+// there; `pass(lanes, t)` is told of each piece within a cell, up to `t`, at whose beginning the walk is.
+template <int W, class Rate, class Event, class Pass>
+PRIMRAY_INLINE void follow_segment(const GridRows<W>& grid, vbool<W> m, const GridSegment<W>& s, CellWalk<W>& walk,
+                                   EventNumbers<W>& numbers, const Rate& rate_of, const Event& at_event, const Pass& pass) {
+  using F = vfloat<W>;
+  walk.begin(grid, m, s.o, s.d, s.from, s.to, max_component(s.extinction));
+  F depth = numbers.exponential();
+  vbool<W> active = m & (s.to > s.from);
+  while (any(active)) {
+    const F rate = rate_of(walk), across = rate * (walk.next - walk.t);
+    const vbool<W> event = active & (depth < across), leaves = active & !event;
+    if (any(event)) {
+      const F t = min(walk.t + depth / max(rate, 1e-30f), walk.next);
+      active &= !at_event(event, t);
+      pass(event, t);
+      walk.t = select(event, t, walk.t);
+      numbers.event += select(event, vint<W>(1), vint<W>(0));
+      depth = select(event, numbers.exponential(), depth);
+    }
+    pass(leaves, walk.next);
+    depth = select(leaves, depth - across, depth);
+    const vbool<W> goes = leaves & (walk.next < walk.end);
+    active &= !(leaves & !goes);
+    if (any(goes)) walk.advance(grid, goes);
+  }
+}
+
 template <int W>
 struct Collision {
   vbool<W> happens;  // before the segment's end, at `t`
@@ -65,48 +93,37 @@ template <int W>
 PRIMRAY_RARE Collision<W> sample_collision(const GridTable& table, vbool<W> m, vint<W> grid_number, const GridSegment<W>& s,
                                            const vvec3<W>& beta, vuint<W> seed) {
   using F = vfloat<W>;
+  using B = vbool<W>;
   const GridRows<W> grid(table, grid_number);
   const vvec3<W>& k = s.extinction;
   const F most = max_component(k);
-  const vbool<W> is_gray = (k.x == most) & (k.y == most) & (k.z == most);
+  const B is_gray = (k.x == most) & (k.y == most) & (k.z == most);
   EventNumbers<W> numbers{seed};
   CellWalk<W> walk;
-  walk.begin(grid, m, s.o, s.d, s.from, s.to, most);
-  Collision<W> found{vbool<W>(false), s.to, beta};
-  F depth = numbers.exponential();
-  vbool<W> active = m & (s.to > s.from);
-  while (any(active)) {
-    const F rate = walk.high * most, across = rate * (walk.next - walk.t);
-    const vbool<W> event = active & (depth < across), leaves = active & !event;
-    if (any(event)) {
-      const F t = min(walk.t + depth / max(rate, 1e-30f), walk.next), choice = numbers(1) * walk.high;
-      vbool<W> real = event & is_gray & (choice < walk.low);
-      if (const vbool<W> reads = event & !real; any(reads)) {
-        const F value = value_near(grid, walk, t, numbers);
-        real |= reads & is_gray & (choice < value);
-        if (const vbool<W> colored = reads & !is_gray; any(colored)) {
-          const vvec3<W>& b = found.beta;
-          const F share = value / max(walk.high, 1e-30f), scale = 1.0f / most;
-          const vvec3<W> hit = b * k * (share * scale), pass = b - hit;
-          const F all = b.x + b.y + b.z, chance = (hit.x + hit.y + hit.z) / max(all, 1e-30f);
-          const vbool<W> hits = colored & (numbers(1) < chance);
-          found.beta =
-              select(colored, select(hits, hit * (1.0f / max(chance, 1e-30f)), pass * (1.0f / max(1.0f - chance, 1e-30f))), b);
-          real |= hits;
-        }
-      }
-      found.happens |= real;
-      found.t = select(real, t, found.t);
-      active &= !real;
-      walk.t = select(event, t, walk.t);
-      numbers.event += select(event, vint<W>(1), vint<W>(0));
-      depth = select(event, numbers.exponential(), depth);
+  Collision<W> found{B(false), s.to, beta};
+  // Chooses by the throughput of all channels whether an event with the share `share` of the majorant is a collision.
+  const auto collides_colored = [&](B colored, F share) {
+    const vvec3<W>& b = found.beta;
+    const vvec3<W> hit = b * k * (share * (1.0f / most)), passed = b - hit;
+    const F chance = (hit.x + hit.y + hit.z) / max(b.x + b.y + b.z, 1e-30f);
+    const B hits = colored & (numbers(1) < chance);
+    const vvec3<W> after = select(hits, hit * (1.0f / max(chance, 1e-30f)), passed * (1.0f / max(1.0f - chance, 1e-30f)));
+    found.beta = select(colored, after, b);
+    return hits;
+  };
+  const auto at_event = [&](B event, F t) {
+    const F choice = numbers(1) * walk.high;
+    B real = event & is_gray & (choice < walk.low);
+    if (const B reads = event & !real; any(reads)) {
+      const F value = value_near(grid, walk, t, numbers);
+      real |= reads & is_gray & (choice < value);
+      if (const B colored = reads & !is_gray; any(colored)) real |= collides_colored(colored, value / max(walk.high, 1e-30f));
     }
-    depth = select(leaves, depth - across, depth);
-    const vbool<W> goes = leaves & (walk.next < walk.end);
-    active &= !(leaves & !goes);
-    if (any(goes)) walk.advance(grid, goes);
-  }
+    found.happens |= real;
+    found.t = select(real, t, found.t);
+    return real;
+  };
+  follow_segment(grid, m, s, walk, numbers, [&](const CellWalk<W>& w) { return w.high * most; }, at_event, [](B, F) {});
   return found;
 }
 
@@ -115,37 +132,23 @@ template <int W>
 PRIMRAY_RARE vvec3<W> estimate_transmittance(const GridTable& table, vbool<W> m, vint<W> grid_number, const GridSegment<W>& s,
                                              vuint<W> seed) {
   using F = vfloat<W>;
+  using B = vbool<W>;
   const GridRows<W> grid(table, grid_number);
   const vvec3<W>& k = s.extinction;
-  const F most = max_component(k);
+  const F most = max_component(k), one(1.0f);
   const vvec3<W> share = k * (1.0f / max(most, 1e-30f));
   EventNumbers<W> numbers{seed};
   CellWalk<W> walk;
-  walk.begin(grid, m, s.o, s.d, s.from, s.to, most);
-  vvec3<W> ratio(F(1.0f));
+  vvec3<W> ratio(one);
   F control(0.0f);  // integral of the cells' least values
-  F depth = numbers.exponential();
-  vbool<W> active = m & (s.to > s.from);
-  while (any(active)) {
-    const F rate = (walk.high - walk.low) * most, across = rate * (walk.next - walk.t);
-    const vbool<W> event = active & (depth < across), leaves = active & !event;
-    if (any(event)) {
-      const F t = min(walk.t + depth / max(rate, 1e-30f), walk.next);
-      const F value = value_near(grid, walk, t, numbers);
-      const F part = min(max((value - walk.low) / max(walk.high - walk.low, 1e-30f), 0.0f), F(1.0f));
-      ratio = select(event, ratio * (vvec3<W>(F(1.0f)) - share * part), ratio);
-      control += select(event, walk.low * (t - walk.t), F(0.0f));
-      walk.t = select(event, t, walk.t);
-      active &= !(event & !(max_component(ratio) > F(0.0f)));
-      numbers.event += select(event, vint<W>(1), vint<W>(0));
-      depth = select(event, numbers.exponential(), depth);
-    }
-    control += select(leaves, walk.low * (walk.next - walk.t), F(0.0f));
-    depth = select(leaves, depth - across, depth);
-    const vbool<W> goes = leaves & (walk.next < walk.end);
-    active &= !(leaves & !goes);
-    if (any(goes)) walk.advance(grid, goes);
-  }
+  const auto at_event = [&](B event, F t) {
+    const F value = value_near(grid, walk, t, numbers);
+    const F part = min(max((value - walk.low) / max(walk.high - walk.low, 1e-30f), 0.0f), one);
+    ratio = select(event, ratio * (vvec3<W>(one) - share * part), ratio);
+    return event & !(max_component(ratio) > F(0.0f));
+  };
+  const auto pass = [&](B lanes, F t) { control += select(lanes, walk.low * (t - walk.t), F(0.0f)); };
+  follow_segment(grid, m, s, walk, numbers, [&](const CellWalk<W>& w) { return (w.high - w.low) * most; }, at_event, pass);
   const vvec3<W> left{exp_of_minus(k.x * control), exp_of_minus(k.y * control), exp_of_minus(k.z * control)};
   return ratio * left;
 }
