@@ -56,6 +56,7 @@ void bind_scene(nb::module_& m);
 void bind_surface(nb::module_& m);                                    // of the module
 void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder);  // of the module and the builder; likewise those below
 void bind_light(nb::module_& m, nb::class_<SceneBuilder>& builder);
+void bind_volumes(nb::module_& m, nb::class_<SceneBuilder>& builder);
 void bind_camera(nb::module_& m, nb::class_<SceneBuilder>& builder);
 void bind_film(nb::module_& m);
 void bind_render(nb::module_& m);

@@ -80,7 +80,7 @@ SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene) : scene_(std::move(scen
   s.surfaces = {}, s.surface_inputs_of.clear(), s.surface_inputs.clear(), s.tapes.clear();
   LinkTable links = std::move(s.lights.links);
   s.lights = {}, s.lights.links = std::move(links);
-  s.emitters = {}, s.outlines = {}, s.interiors = {};
+  s.emitters = {}, s.outlines = {}, s.interiors = {}, s.volumes.reset();
   s.camera = {}, s.distortion.reset();
   s.has_emission = s.has_thin = false;
 }
@@ -331,6 +331,19 @@ void SceneBuilder::set_camera(const CameraInput& c) {
   set_flaws(c);
 }
 
+VolumeTable& SceneBuilder::volumes() {
+  if (!scene_->volumes) scene_->volumes = std::make_unique<VolumeTable>();
+  return *scene_->volumes;
+}
+
+int SceneBuilder::add_grid(const GridInput& grid) { return volumes().add_grid(grid); }
+
+std::vector<int64_t> SceneBuilder::add_medium(const MediumInput& medium) {
+  const Scene& s = *scene_;
+  const daffine core_from_world{{s.scale, 0, 0}, {0, s.scale, 0}, {0, 0, s.scale}, s.origin * -s.scale};
+  return volumes().add_medium(medium, core_from_world, s.scale);
+}
+
 std::unique_ptr<Scene> SceneBuilder::finish() {
   Scene& s = *scene_;
   end_group();
@@ -357,6 +370,8 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   s.only_hierarchy_lights_found =
       !s.has_emission && s.lights.domes.empty() && !s.lights.hierarchy.empty() && s.lights.hierarchy.far.empty();
   s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
+  if (s.volumes && !s.volumes->any()) s.volumes.reset();
+  if (s.volumes) s.volumes->finish();
   if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
   if (!keeps_accel_) build_accel(s);
   find_camera_media(s);
@@ -384,6 +399,7 @@ int64_t Scene::memory_bytes() const {
            bytes(curves.curve);
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.column_cuts) + bytes(d.density);
   for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);
+  if (volumes) total += volumes->memory_bytes();
   if (distortion) total += bytes(distortion->table.directions);
   total += bytes(lights.rows) + bytes(lights.tree.blocks) + bytes(lights.tree.places) + bytes(lights.linked.places);
   total += bytes(lights.shaping.rows) + bytes(lights.shaping.profiles.data);

@@ -39,6 +39,15 @@ PRIMRAY_RARE void mark_gaps(Round& round, vbool<W> gaps, const PathLanes<W>& p) 
   }
 }
 
+// Clears the gap marks of camera rays that hit something, which covers their samples.
+template <int W>
+PRIMRAY_RARE void clear_gap_marks(Round& round, vbool<W> hit, const PathLanes<W>& p) {
+  for (uint32_t b = bits(hit); b; b &= b - 1) {
+    float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
+    if (a >= kThroughGaps) a -= kGapMark;
+  }
+}
+
 // Updates the gap marks of camera rays that pass straight through `v`: set for a gap, cleared for a transmissive surface.
 template <int W, class Lobes>
 PRIMRAY_RARE void update_gap_marks(Round& round, vbool<W> straight, const Vertex<W, Lobes>& v, const BsdfSample<W>& s,
@@ -47,10 +56,7 @@ PRIMRAY_RARE void update_gap_marks(Round& round, vbool<W> straight, const Vertex
     const vfloat<W> one(1.0f);
     const vbool<W> gap = straight & (v.bsdf.presence < one) & (s.weight.x == one) & (s.weight.y == one) & (s.weight.z == one);
     mark_gaps(round, gap, p);
-    for (uint32_t b = bits(straight & !gap); b; b &= b - 1) {
-      float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
-      if (a >= kThroughGaps) a -= kGapMark;
-    }
+    clear_gap_marks(round, straight & !gap, p);
   }
 }
 

@@ -75,6 +75,10 @@ PRIMRAY_RARE void trace_outline(Round& round, int pixel, const LightOutlines::Pa
     if (round.needs.lpe) put_outline_lpe_states(round, seen, part.light);
     if (PathLog* const log = path_log<W>(round))
       log->add("outline ray", slot[0], number[0], 0, 0).put("light", double(part.light)).put("radiance", L), log->queue();
+    if (round.has_volumes()) {
+      p.sampler = own, p.vertex = I(0);
+      put_shadow_seeds(seen, w.shadows, p);
+    }
     // Starts at the camera's near plane.
     w.shadows.append(seen, ray.o + ray.d * ray.tnear, ray.d, max(light_hits.nearest * kNearlyOne - ray.tnear, 0.0f), L * share,
                      load<W>(slot), p.ray.time, round.needs);

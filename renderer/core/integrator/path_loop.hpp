@@ -6,6 +6,7 @@
 #include "integrator/add_to_film.hpp"
 #include "integrator/camera_rays.hpp"
 #include "integrator/cross_media.hpp"
+#include "integrator/cross_volumes.hpp"
 #include "integrator/outline_rays.hpp"
 #include "integrator/shade.hpp"
 #include "integrator/trace.hpp"
@@ -38,7 +39,9 @@ void run_rounds(Round& round, int slots) {
     if (round.worker.pool->count == 0) break;
     trace<W>(round);
     clear_queues<W>(round);
+    if (round.has_volumes()) collide_in_volumes<W>(round);
     if (round.follows_media()) cross_media<W>(round);
+    if (round.has_volumes()) shade_volumes<W>(round);
     shade<W>(round);
     trace_shadows<W>(round);
   }

@@ -1,7 +1,7 @@
 // State that all stages of the path loop share: the scene, one task's samples, and the worker that renders them.
 //
-// A round advances every path of the pool by one vertex: refill with camera rays, trace, cross media (in scenes that have
-// any), shade (which leaves the surviving paths compacted in the other pool and shadow rays in a queue), trace the shadow rays.
+// A round advances every path of the pool by one vertex: refill with camera rays, trace, cross volumes and media (in scenes that
+// have any), shade (which leaves the surviving paths compacted in the other pool and shadow rays in a queue), trace the shadow rays.
 // Each stage is a file of free functions over this.
 #pragma once
 
@@ -49,6 +49,7 @@ struct Round {
         samples(block_.count[0] + block_.count[1]) {
     if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
     if (follows_media() && !worker.medium_states) worker.medium_states = std::make_unique<MediumStateStore>();
+    if (has_volumes() && !worker.volumes) worker.volumes = std::make_unique<VolumeState>();
     if (needs.lpe && !worker.lpe)
       worker.lpe = std::make_unique<LpeStore>(*settings.lpe, settings.clamps() ? Worker::kSums : Worker::kSlots);
     if (leaves_out_caustics()) worker.caustics.resize(3 * size_t(Worker::kSlots));
@@ -57,6 +58,7 @@ struct Round {
 
   bool has_special() const { return scene.lights.has_special(); }
   bool follows_media() const { return scene.interiors.followed; }
+  bool has_volumes() const { return scene.volumes != nullptr; }
   bool leaves_out_caustics() const { return settings.lpe && settings.lpe->leaves_out >= 0; }
 
   // Index of the film point in the chain of linked dimensions that it forms with the following directions: each even link

@@ -213,6 +213,10 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if (in_media)
     put_shadow_media(round, useful & special, useful & !special, beyond, *v.media, origin_distance_of(v.it.offset, v.ng, s.wi));
   if (round.needs.lpe) put_shadow_lpe_states<W, Lobes>(round, useful & special, useful & !special, p, f, beyond, light);
+  if (round.has_volumes()) {
+    if (any(useful & special)) put_shadow_seeds(useful & special, w.special_shadows->rays, p);
+    put_shadow_seeds(useful & !special, w.shadows, p);
+  }
   const vint<W> sum = sum_of(round, p.slot, p.depth + vint<W>(1));
   if (any(useful & special))
     w.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, sum, light, p.ray.time, round.needs);

@@ -137,6 +137,7 @@ PRIMRAY_INLINE void queue_sky_shadow(Round& round, vbool<W> last, const PathLane
   if (PathLog* const log = path_log<W>(round))
     log->add("dome ray", n).put("direction", n.ray.d).put("bsdf_pdf", n.bsdf_pdf).put("unshadowed", carried), log->queue();
   if (media) attenuate_sky_light(round, lit, *media, s, origin_distance, carried);
+  if (round.has_volumes()) put_shadow_seeds(lit, round.worker.shadows, n);
   if (round.needs.lpe) put_sky_lpe_states(round, lit, n);
   const vint<W> sum = sum_of(round, n.slot, n.depth);
   round.worker.shadows.append(lit, n.ray.o, n.ray.d, vfloat<W>(kInfinity), carried, sum, n.ray.time, round.needs);

@@ -12,6 +12,7 @@
 #include "integrator/media.hpp"
 #include "integrator/rays/packet_choice.hpp"
 #include "integrator/rays/path_pool.hpp"
+#include "integrator/volume_state.hpp"
 #include "light/sampler/selection.hpp"
 #include "sampler/sampler.hpp"
 #include "surface/evaluate_inputs.hpp"
@@ -46,6 +47,7 @@ struct Worker {
   ShadowQueue shadows;
   std::unique_ptr<SpecialShadowQueue> special_shadows;  // in scenes with special lights
   std::unique_ptr<MediumStateStore> medium_states;      // in scenes with participating media
+  std::unique_ptr<VolumeState> volumes;                 // in scenes with volumes
   std::unique_ptr<LpeStore> lpe;                        // for light path expressions
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   // With a clamp, indirect light is summed separately, kSlots further on (integrator/add_to_film.hpp).

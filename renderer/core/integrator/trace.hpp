@@ -90,10 +90,45 @@ PRIMRAY_RARE vbool<W> pass_thin_shadows(Round& round, int at, vbool<W> active, c
   return pass_thin(round.scene, round.recorder, active, rays, carried, round.follows_media() ? &media : nullptr, passed);
 }
 
+// Adds what arrives along the shadow rays from `at` on: `left` of what they carried, in lanes `arrives`. `passed`: number of
+// surfaces that each has passed straight.
+template <int W>
+PRIMRAY_INLINE void arrive(Round& round, int at, vbool<W> arrives, const vvec3<W>& left, vint<W> passed) {
+  Worker& w = round.worker;
+  const ShadowQueue& q = w.shadows;
+  if (PathLog* const log = path_log<W>(round)) log->arrive(log->shadows, at, visible_part(arrives, left, carried_at<W>(q, at)));
+  add_to_slots(round, arrives, load<W>(q.slot + at), left);
+  if (round.needs.lpe) add_arrived(*w.lpe, w.lpe->shadows, at, arrives, load<W>(q.slot + at), left, passed);
+}
+
+// The same for rays towards special lights.
+template <int W>
+PRIMRAY_RARE void arrive_special(Round& round, int at, vbool<W> active, const vvec3<W>& left, vint<W> passed) {
+  const ShadowQueue& q = round.worker.special_shadows->rays;
+  if (PathLog* const log = path_log<W>(round))
+    log->arrive(log->special_shadows, at, visible_part(active, left, carried_at<W>(q, at)));
+  add_to_slots(round, active, load<W>(q.slot + at), left);
+  if (LpeStore* const lpe = round.worker.lpe.get(); lpe && round.needs.lpe)
+    add_arrived(*lpe, lpe->special_shadows, at, active, load<W>(q.slot + at), left, passed);
+}
+
+// Attenuates what is left of a queue's rays by the volumes, and lets it arrive.
+template <int W, class Arrive>
+PRIMRAY_RARE void arrive_through_volumes(Round& round, const ShadowQueue& q, const Arrive& arrive_at) {
+  VolumeState& state = *round.worker.volumes;
+  attenuate_shadows<W>(*round.scene.volumes, state, q);
+  for (int at = 0; at < q.count; at += W) {
+    const vbool<W> active = lane_numbers<W>() < vint<W>(q.count - at);
+    arrive_at(at, active & (load<W>(state.shadow_end + at) > vfloat<W>(0.0f)), state.left_at<W>(at),
+              load<W>(state.passed + at));
+  }
+}
+
 template <int W>
 void trace_shadow_lanes(Round& round) {
   Worker& w = round.worker;
   const ShadowQueue& q = w.shadows;
+  const bool volumes = round.has_volumes();
   for (int at = 0; at < q.count; at += W) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(q.count - at);
     Rays<W> rays = q.rays<W>(at);
@@ -110,17 +145,22 @@ void trace_shadow_lanes(Round& round) {
       blocked = occluded(round.scene, packet, active, rays);
       if (measuring) w.shadow_entry.record(PacketChoice::now() - start, std::min(W, q.count - at));
     }
-    if (PathLog* const log = path_log<W>(round))
-      log->arrive(log->shadows, at, visible_part(!blocked, carried, carried_at<W>(q, at)));
-    add_to_slots(round, active & !blocked, load<W>(q.slot + at), carried);
-    if (round.needs.lpe) add_arrived(*w.lpe, w.lpe->shadows, at, active & !blocked, load<W>(q.slot + at), carried, passed);
+    if (volumes)
+      w.volumes->put_left(at, active & !blocked, carried, rays.tfar, passed);
+    else
+      arrive(round, at, active & !blocked, carried, passed);
   }
+  if (volumes)
+    arrive_through_volumes<W>(round, q, [&](int at, vbool<W> arrives, const vvec3<W>& left, vint<W> passed) {
+      arrive(round, at, arrives, left, passed);
+    });
 }
 
 template <int W>
 void trace_special_shadows(Round& round) {
   const SpecialShadowQueue& q = *round.worker.special_shadows;
   round.worker.shadow_rays += q.rays.count;
+  const bool volumes = round.has_volumes();
   for (int at = 0; at < q.rays.count; at += W) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(q.rays.count - at);
     const vvec3<W> carried = carried_at<W>(q.rays, at);
@@ -133,17 +173,21 @@ void trace_special_shadows(Round& round) {
     vint<W> passed(0);
     const vvec3<W> left = pass_special(round.scene, round.recorder, active, rays, light, follows ? &media : nullptr,
                                        round.needs.lpe ? &passed : nullptr);
-    if (PathLog* const log = path_log<W>(round)) log->arrive(log->special_shadows, at, left);
-    add_to_slots(round, active, load<W>(q.rays.slot + at), carried * left);
-    if (LpeStore* const lpe = round.worker.lpe.get(); lpe && round.needs.lpe)
-      add_arrived(*lpe, lpe->special_shadows, at, active, load<W>(q.rays.slot + at), carried * left, passed);
+    if (volumes)
+      round.worker.volumes->put_left(at, active, carried * left, rays.tfar, passed);
+    else
+      arrive_special(round, at, active, carried * left, passed);
   }
+  if (volumes)
+    arrive_through_volumes<W>(round, q.rays, [&](int at, vbool<W> arrives, const vvec3<W>& left, vint<W> passed) {
+      arrive_special(round, at, arrives, left, passed);
+    });
 }
 
 template <int W>
 void trace_shadows(Round& round) {
   round.worker.shadow_rays += round.worker.shadows.count;
-  round.scene.triangle_bvh.any() && !round.scene.has_thin ? trace_shadow_stream<W>(round) : trace_shadow_lanes<W>(round);
+  round.scene.triangle_bvh.any() && !round.scene.has_thin && !round.has_volumes() ? trace_shadow_stream<W>(round) : trace_shadow_lanes<W>(round);
   if (round.has_special()) trace_special_shadows<W>(round);
 }
 

@@ -30,6 +30,7 @@
 #include "scene/emitter_table.hpp"
 #include "scene/light_outline_table.hpp"
 #include "texture/texture.hpp"
+#include "volume/volume_table.hpp"
 
 namespace primray {
 
@@ -209,6 +210,7 @@ struct Scene {
   Interiors interiors;
   CameraVisibilityTable camera_visibility;
   MotionTable motion;
+  std::unique_ptr<VolumeTable> volumes;  // null: none
 
   // world = origin + p / scale, in scene units.
   dvec3 origin{0.0, 0.0, 0.0};

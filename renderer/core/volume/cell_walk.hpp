@@ -14,23 +14,25 @@ struct CellWalk {
   using F = vfloat<W>;
   using I = vint<W>;
 
-  vvec3<W> o, d, inverse;  // ray in the grid's coordinates; distances along it are the world's
-  F t, end;                // where the walk is, and where it ends
-  F next;                  // where the ray leaves the cell
-  F low, high;             // range of the cell's values
-  I x[3], side;            // the cell's lowest voxel, and its side: 1, 8 or 128 voxels
-  F thin, dense;           // products of value and distance: of a node that is a cell, and of a leaf that is divided
+  // Ray in the grid's coordinates; distances along it are the world's.
+  vvec3<W> o{F(0.0f)}, d{F(1.0f)}, inverse{F(1.0f)};
+  F t{0.0f}, end{0.0f};                  // where the walk is, and where it ends
+  F next{0.0f};                          // where the ray leaves the cell
+  F low{0.0f}, high{0.0f};               // range of the cell's values
+  I x[3] = {I(0), I(0), I(0)}, side{1};  // the cell's lowest voxel, and its side: 1, 8 or 128 voxels
+  F thin{0.0f}, dense{0.0f};             // products of value and distance: of a node that is a cell, of a leaf that is divided
 
-  // Begins at `from`. `per_value`: optical depth per unit of value and distance.
+  // Begins in lanes `m` at `from`. `per_value`: optical depth per unit of value and distance.
   PRIMRAY_INLINE void begin(const GridRows<W>& grid, vbool<W> m, const vvec3<W>& origin, const vvec3<W>& direction, F from,
                             F to, F per_value) {
     const auto away = [](F a) { return select(abs(a) < F(1e-18f), copysign(F(1e-18f), a), a); };
-    o = origin, d = {away(direction.x), away(direction.y), away(direction.z)};
+    o = select(m, origin, o), d = select(m, vvec3<W>(away(direction.x), away(direction.y), away(direction.z)), d);
     inverse = {1.0f / d.x, 1.0f / d.y, 1.0f / d.z};
-    t = from, end = to;
-    thin = kThinNode / max(per_value, 1e-30f), dense = kDenseLeaf / max(per_value, 1e-30f);
+    t = select(m, from, t), end = select(m, to, end);
+    thin = select(m, kThinNode / max(per_value, 1e-30f), thin), dense = select(m, kDenseLeaf / max(per_value, 1e-30f), dense);
     const vvec3<W> p = at(from);
-    x[0] = floor_to_int(p.x), x[1] = floor_to_int(p.y), x[2] = floor_to_int(p.z);
+    x[0] = select(m, floor_to_int(p.x), x[0]), x[1] = select(m, floor_to_int(p.y), x[1]);
+    x[2] = select(m, floor_to_int(p.z), x[2]);
     look(grid, m);
   }
   PRIMRAY_INLINE vvec3<W> at(F distance) const { return o + d * distance; }
@@ -80,13 +82,13 @@ struct CellWalk {
   // Reads the cell that has the voxel x.
   PRIMRAY_INLINE void look(const GridRows<W>& grid, vbool<W> m) {
     const I voxel[3] = {x[0], x[1], x[2]}, node = grid.node(voxel[0] >> 7, voxel[1] >> 7, voxel[2] >> 7);
-    const float* nodes = grid.table.node_ranges.data();
+    const float* nodes = grid.table->node_ranges.data();
     F least = gather<W>(nodes, node << 1), most = gather<W>(nodes + 1, node << 1);
     set_cell(m, voxel, kNodeSide);
     const vbool<W> by_leaf = m & (most * (nearest_exit() - t) > thin) & (least < most);
     if (any(by_leaf)) {
       const I entry = GridRows<W>::entry(node, voxel[0] >> 3, voxel[1] >> 3, voxel[2] >> 3) << 1;
-      const float* leaves = grid.table.leaf_ranges.data();
+      const float* leaves = grid.table->leaf_ranges.data();
       least = select(by_leaf, gather<W>(leaves, entry), least), most = select(by_leaf, gather<W>(leaves + 1, entry), most);
       set_cell(by_leaf, voxel, kLeafSide);
       const vbool<W> by_voxel = by_leaf & (most * (nearest_exit() - t) > dense) & (least < most);

@@ -18,17 +18,17 @@ PRIMRAY_INLINE vfloat<W> from_half(vint<W> h) {
 // Rows of grids, one per lane.
 template <int W>
 struct GridRows {
-  const GridTable& table;
-  vint<W> first[3], along[3], node_base;
+  const GridTable* table;
+  vint<W> first[3], along[3], node_base, channels;
   vbool<W> is_half;
 
-  PRIMRAY_INLINE GridRows(const GridTable& t, vint<W> grid) : table(t) {
+  PRIMRAY_INLINE GridRows(const GridTable& t, vint<W> grid) : table(&t) {
     PRIMRAY_ASSERT(are_rows(grid, t.rows.size()));
     static_assert(sizeof(GridTable::Row) % sizeof(int32_t) == 0);
     const auto* base = reinterpret_cast<const int32_t*>(t.rows.data());
     const vint<W> row = grid * vint<W>(int32_t(sizeof(GridTable::Row) / sizeof(int32_t)));
     for (int a = 0; a < 3; ++a) first[a] = gather<W>(base + a, row), along[a] = gather<W>(base + 3 + a, row);
-    node_base = gather<W>(base + 6, row);
+    node_base = gather<W>(base + 6, row), channels = gather<W>(base + 7, row);
     is_half = gather<W>(base + 8, row) != vint<W>(0);
   }
 
@@ -36,7 +36,7 @@ struct GridRows {
   PRIMRAY_INLINE vint<W> node(vint<W> x, vint<W> y, vint<W> z) const {
     const vint<W> i = x - first[0], j = y - first[1], k = z - first[2], zero(0);
     const vbool<W> inside = (i >= zero) & (j >= zero) & (k >= zero) & (i < along[0]) & (j < along[1]) & (k < along[2]);
-    return gather<W>(table.node_of.data(), select(inside, node_base + (i * along[1] + j) * along[2] + k, zero));
+    return gather<W>(table->node_of.data(), select(inside, node_base + (i * along[1] + j) * along[2] + k, zero));
   }
   // Entry of the leaf at (x, y, z), in units of leaves, in a node's arrays.
   static PRIMRAY_INLINE vint<W> entry(vint<W> node, vint<W> x, vint<W> y, vint<W> z) {
@@ -44,16 +44,31 @@ struct GridRows {
     return (node << 12) + ((x & low) << 8) + ((y & low) << 4) + (z & low);
   }
   // Value of the voxel at (x, y, z); of grids with one channel.
-  PRIMRAY_INLINE vfloat<W> value(vint<W> x, vint<W> y, vint<W> z) const {
-    const vint<W> block = gather<W>(table.leaf_of.data(), entry(node(x >> 7, y >> 7, z >> 7), x >> 3, y >> 3, z >> 3));
-    const vint<W> low(kLeafSide - 1), at = (block << 9) + ((x & low) << 6) + ((y & low) << 3) + (z & low);
+  PRIMRAY_INLINE vfloat<W> value(vint<W> x, vint<W> y, vint<W> z) const { return number(block(x, y, z) + voxel(x, y, z)); }
+  // Color of the voxel at (x, y, z); grids with one channel are gray.
+  PRIMRAY_INLINE vvec3<W> color(vint<W> x, vint<W> y, vint<W> z) const {
+    const vint<W> at = block(x, y, z) + voxel(x, y, z) * channels, step = select(channels == vint<W>(1), vint<W>(0), vint<W>(1));
+    return {number(at), number(at + step), number(at + step + step)};
+  }
+
+ private:
+  // Index of the first value of the block that has the voxel at (x, y, z).
+  PRIMRAY_INLINE vint<W> block(vint<W> x, vint<W> y, vint<W> z) const {
+    return gather<W>(table->leaf_of.data(), entry(node(x >> 7, y >> 7, z >> 7), x >> 3, y >> 3, z >> 3)) << 9;
+  }
+  // Number of the voxel at (x, y, z) within its block.
+  static PRIMRAY_INLINE vint<W> voxel(vint<W> x, vint<W> y, vint<W> z) {
+    const vint<W> low(kLeafSide - 1);
+    return ((x & low) << 6) + ((y & low) << 3) + (z & low);
+  }
+  PRIMRAY_INLINE vfloat<W> number(vint<W> at) const {
     vfloat<W> r(0.0f);
     if (any(is_half)) {
       const vint<W> i = select(is_half, at, vint<W>(0));
-      const vint<W> two = gather<W>(reinterpret_cast<const int32_t*>(table.halves.data()), i >> 1);
+      const vint<W> two = gather<W>(reinterpret_cast<const int32_t*>(table->halves.data()), i >> 1);
       r = from_half(select((i & vint<W>(1)) != vint<W>(0), (two >> 16), two) & vint<W>(0xffff));
     }
-    if (!all(is_half)) r = select(is_half, r, gather<W>(table.floats.data(), select(is_half, vint<W>(0), at)));
+    if (!all(is_half)) r = select(is_half, r, gather<W>(table->floats.data(), select(is_half, vint<W>(0), at)));
     return r;
   }
 };

@@ -10,6 +10,8 @@
 // Estimating Attenuation in Participating Media"), exact where a cell has one value.
 //
 // Random numbers are a function of the path and the number of the event, so that neither lanes nor the order of paths show.
+//
+// Segments are tasks: a lane whose segment ends takes the next one, so that lanes stay busy however long segments are.
 #pragma once
 
 #include "math/transcendental.hpp"
@@ -46,111 +48,168 @@ struct EventNumbers {
   PRIMRAY_INLINE vvec3<W> voxel() const { return {(*this)(2), (*this)(3), (*this)(4)}; }
 };
 
+// Events of segments that end at the first collision.
 template <int W>
-PRIMRAY_INLINE vfloat<W> value_near(const GridRows<W>& grid, const CellWalk<W>& walk, vfloat<W> t,
-                                    const EventNumbers<W>& numbers) {
-  const VoxelChoice<W> voxel(walk.in_cell(t), numbers.voxel());
-  return grid.value(voxel.x, voxel.y, voxel.z);
-}
-
-// Follows a segment through its cells, with events at the rate `rate_of(walk)`. `at_event(lanes, t)` returns the lanes that end
-// there; `pass(lanes, t)` is told of each piece within a cell, up to `t`, at whose beginning the walk is.
-template <int W, class Rate, class Event, class Pass>
-PRIMRAY_INLINE void follow_segment(const GridRows<W>& grid, vbool<W> m, const GridSegment<W>& s, CellWalk<W>& walk,
-                                   EventNumbers<W>& numbers, const Rate& rate_of, const Event& at_event, const Pass& pass) {
-  using F = vfloat<W>;
-  walk.begin(grid, m, s.o, s.d, s.from, s.to, max_component(s.extinction));
-  F depth = numbers.exponential();
-  vbool<W> active = m & (s.to > s.from);
-  while (any(active)) {
-    const F rate = rate_of(walk), across = rate * (walk.next - walk.t);
-    const vbool<W> event = active & (depth < across), leaves = active & !event;
-    if (any(event)) {
-      const F t = min(walk.t + depth / max(rate, 1e-30f), walk.next);
-      active &= !at_event(event, t);
-      pass(event, t);
-      walk.t = select(event, t, walk.t);
-      numbers.event += select(event, vint<W>(1), vint<W>(0));
-      depth = select(event, numbers.exponential(), depth);
-    }
-    pass(leaves, walk.next);
-    depth = select(leaves, depth - across, depth);
-    const vbool<W> goes = leaves & (walk.next < walk.end);
-    active &= !(leaves & !goes);
-    if (any(goes)) walk.advance(grid, goes);
-  }
-}
-
-template <int W>
-struct Collision {
-  vbool<W> happens;  // before the segment's end, at `t`
-  vfloat<W> t;
-  vvec3<W> beta;  // throughput of the path from there on, before the albedo of a collision
-};
-
-// Samples the first collision on a segment, for paths with throughput `beta`.
-template <int W>
-PRIMRAY_RARE Collision<W> sample_collision(const GridTable& table, vbool<W> m, vint<W> grid_number, const GridSegment<W>& s,
-                                           const vvec3<W>& beta, vuint<W> seed) {
+struct CollisionEvents {
   using F = vfloat<W>;
   using B = vbool<W>;
-  const GridRows<W> grid(table, grid_number);
-  const vvec3<W>& k = s.extinction;
-  const F most = max_component(k);
-  const B is_gray = (k.x == most) & (k.y == most) & (k.z == most);
-  EventNumbers<W> numbers{seed};
-  CellWalk<W> walk;
-  Collision<W> found{B(false), s.to, beta};
-  // Chooses by the throughput of all channels whether an event with the share `share` of the majorant is a collision.
-  const auto collides_colored = [&](B colored, F share) {
-    const vvec3<W>& b = found.beta;
-    const vvec3<W> hit = b * k * (share * (1.0f / most)), passed = b - hit;
-    const F chance = (hit.x + hit.y + hit.z) / max(b.x + b.y + b.z, 1e-30f);
-    const B hits = colored & (numbers(1) < chance);
-    const vvec3<W> after = select(hits, hit * (1.0f / max(chance, 1e-30f)), passed * (1.0f / max(1.0f - chance, 1e-30f)));
-    found.beta = select(colored, after, b);
-    return hits;
-  };
-  const auto at_event = [&](B event, F t) {
+  vvec3<W> k{F(0.0f)};     // extinction per unit of the grid's values and of distance
+  F most{0.0f};            // its largest channel
+  B is_gray{true};
+  vvec3<W> beta{F(0.0f)};  // throughput of the path, before the albedo of a collision
+  B happens{false};        // before the segment's end, at `t`
+  F t{0.0f};
+  vint<W> voxel[3] = {vint<W>(0), vint<W>(0), vint<W>(0)};  // which the collision is with
+
+  PRIMRAY_INLINE void begin(B fresh, const GridSegment<W>& s, const vvec3<W>& throughput) {
+    k = select(fresh, s.extinction, k), beta = select(fresh, throughput, beta);
+    most = max_component(k);
+    is_gray = (k.x == most) & (k.y == most) & (k.z == most);
+    happens &= !fresh, t = select(fresh, s.to, t);
+  }
+  PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return walk.high * most; }
+  // Returns the lanes of `event` that end at distance `at`.
+  PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
     const F choice = numbers(1) * walk.high;
+    const VoxelChoice<W> near(walk.in_cell(at), numbers.voxel());
     B real = event & is_gray & (choice < walk.low);
     if (const B reads = event & !real; any(reads)) {
-      const F value = value_near(grid, walk, t, numbers);
+      const F value = grid.value(near.x, near.y, near.z);
       real |= reads & is_gray & (choice < value);
-      if (const B colored = reads & !is_gray; any(colored)) real |= collides_colored(colored, value / max(walk.high, 1e-30f));
+      if (const B colored = reads & !is_gray; any(colored))
+        real |= collides_colored(colored, value / max(walk.high, 1e-30f), numbers(1));
     }
-    found.happens |= real;
-    found.t = select(real, t, found.t);
+    happens |= real, t = select(real, at, t);
+    voxel[0] = select(real, near.x, voxel[0]), voxel[1] = select(real, near.y, voxel[1]);
+    voxel[2] = select(real, near.z, voxel[2]);
     return real;
-  };
-  follow_segment(grid, m, s, walk, numbers, [&](const CellWalk<W>& w) { return w.high * most; }, at_event, [](B, F) {});
-  return found;
-}
+  }
+  PRIMRAY_INLINE void pass(B, const CellWalk<W>&, F) {}
 
-// Estimates the transmittance of a segment: unbiased, and within [0, 1].
+ private:
+  // Chooses by the throughput of all channels whether an event with the share `share` of the majorant is a collision.
+  PRIMRAY_INLINE B collides_colored(B colored, F share, F u) {
+    const vvec3<W> hit = beta * k * (share * (1.0f / most)), passed = beta - hit;
+    const F chance = (hit.x + hit.y + hit.z) / max(beta.x + beta.y + beta.z, 1e-30f);
+    const B hits = colored & (u < chance);
+    const vvec3<W> after = select(hits, hit * (1.0f / max(chance, 1e-30f)), passed * (1.0f / max(1.0f - chance, 1e-30f)));
+    beta = select(colored, after, beta);
+    return hits;
+  }
+};
+
+// Events of segments whose transmittance is estimated: unbiased, and at most a few times 1.
 template <int W>
-PRIMRAY_RARE vvec3<W> estimate_transmittance(const GridTable& table, vbool<W> m, vint<W> grid_number, const GridSegment<W>& s,
-                                             vuint<W> seed) {
+struct TransmittanceEvents {
   using F = vfloat<W>;
   using B = vbool<W>;
-  const GridRows<W> grid(table, grid_number);
-  const vvec3<W>& k = s.extinction;
-  const F most = max_component(k), one(1.0f);
-  const vvec3<W> share = k * (1.0f / max(most, 1e-30f));
-  EventNumbers<W> numbers{seed};
+  vvec3<W> k{F(0.0f)}, share{F(0.0f)};  // extinction, and its channels by the largest
+  F most{0.0f};
+  vvec3<W> ratio{F(1.0f)};
+  F control{0.0f};  // integral of the cells' least values
+
+  PRIMRAY_INLINE void begin(B fresh, const GridSegment<W>& s) {
+    k = select(fresh, s.extinction, k), most = max_component(k), share = k * (1.0f / max(most, 1e-30f));
+    ratio = select(fresh, vvec3<W>(F(1.0f)), ratio), control = select(fresh, F(0.0f), control);
+  }
+  PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return (walk.high - walk.low) * most; }
+  PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
+    const VoxelChoice<W> near(walk.in_cell(at), numbers.voxel());
+    const F value = grid.value(near.x, near.y, near.z);
+    const F part = min(max((value - walk.low) / max(walk.high - walk.low, 1e-30f), 0.0f), F(1.0f));
+    ratio = select(event, ratio * (vvec3<W>(F(1.0f)) - share * part), ratio);
+    // Little light is left: most such segments end, the others stand for them.
+    const F left = max_component(ratio) * exp_of_minus(min(min(k.x, k.y), k.z) * control);
+    const B faint = event & (left < F(kFaint)), ends = faint & (numbers(1) >= F(kFaintKeep));
+    ratio = select(ends, vvec3<W>(F(0.0f)), select(faint, ratio * (1.0f / kFaintKeep), ratio));
+    return event & (ends | !(max_component(ratio) > F(0.0f)));
+  }
+  PRIMRAY_INLINE void pass(B lanes, const CellWalk<W>& walk, F to) {
+    control += select(lanes, walk.low * (to - walk.t), F(0.0f));
+  }
+  PRIMRAY_INLINE vvec3<W> transmittance() const {
+    return ratio * vvec3<W>(exp_of_minus(k.x * control), exp_of_minus(k.y * control), exp_of_minus(k.z * control));
+  }
+
+ private:
+  static constexpr float kFaint = 0.05f, kFaintKeep = 0.25f;
+};
+
+// What a task follows.
+template <int W>
+struct TrackingTask {
+  vint<W> grid{0};
+  GridSegment<W> segment;
+  vuint<W> seed{0u};
+};
+
+// Number of steps of all lanes, and of those that had a segment.
+struct LaneSteps {
+  int64_t all = 0, busy = 0;
+};
+
+// Follows the segments of tasks [0, count) through their cells. `load(fresh, numbers, events)` returns the tasks of lanes
+// `fresh` and begins their events; `store(done, numbers, events)` receives those that have ended.
+template <int W, class Events, class Load, class Store>
+PRIMRAY_INLINE LaneSteps follow_segments(const GridTable& table, int count, const Load& load, const Store& store) {
+  using F = vfloat<W>;
+  using B = vbool<W>;
+  using I = vint<W>;
+  constexpr int kIdle = W > 1 ? W / 4 : 1;  // number of idle lanes for which tasks are loaded
+  Events events;
   CellWalk<W> walk;
-  vvec3<W> ratio(one);
-  F control(0.0f);  // integral of the cells' least values
-  const auto at_event = [&](B event, F t) {
-    const F value = value_near(grid, walk, t, numbers);
-    const F part = min(max((value - walk.low) / max(walk.high - walk.low, 1e-30f), 0.0f), one);
-    ratio = select(event, ratio * (vvec3<W>(one) - share * part), ratio);
-    return event & !(max_component(ratio) > F(0.0f));
-  };
-  const auto pass = [&](B lanes, F t) { control += select(lanes, walk.low * (t - walk.t), F(0.0f)); };
-  follow_segment(grid, m, s, walk, numbers, [&](const CellWalk<W>& w) { return (w.high - w.low) * most; }, at_event, pass);
-  const vvec3<W> left{exp_of_minus(k.x * control), exp_of_minus(k.y * control), exp_of_minus(k.z * control)};
-  return ratio * left;
+  EventNumbers<W> numbers{vuint<W>(0u)};
+  GridRows<W> grid(table, I(0));
+  I task(0), grid_number(0);
+  F depth(0.0f);  // optical depth up to the next event
+  B active(false);
+  int next = 0;
+  LaneSteps steps;
+  while (true) {
+    // Load tasks into idle lanes
+    if (const uint32_t idle = bits(!active); next < count && __builtin_popcount(idle) >= kIdle) {
+      alignas(64) int32_t of[W];
+      std::fill_n(of, W, -1);
+      for (uint32_t b = idle; b && next < count; b &= b - 1) of[__builtin_ctz(b)] = next++;
+      const I loaded = primray::load<W>(of);
+      const B fresh = loaded >= I(0);
+      task = select(fresh, loaded, task);
+      const TrackingTask<W> t = load(fresh, task, events);
+      grid_number = select(fresh, t.grid, grid_number);
+      grid = GridRows<W>(table, grid_number);
+      numbers.seed = select(fresh, t.seed, numbers.seed), numbers.event = select(fresh, I(0), numbers.event);
+      walk.begin(grid, fresh, t.segment.o, t.segment.d, t.segment.from, t.segment.to, max_component(t.segment.extinction));
+      depth = select(fresh, numbers.exponential(), depth);
+      const B empty = fresh & !(walk.end > walk.t);
+      if (any(empty)) store(empty, task, events);
+      active |= fresh & !empty;
+    }
+    if (!any(active)) {
+      if (next >= count) return steps;
+      continue;
+    }
+    ++steps.all, steps.busy += __builtin_popcount(bits(active));
+
+    // Take each to its next event, or to the cell's end
+    const F rate = events.rate(walk), across = rate * (walk.next - walk.t);
+    const B event = active & (depth < across), leaves = active & !event;
+    B ends(false);
+    if (any(event)) {
+      const F t = min(walk.t + depth / max(rate, 1e-30f), walk.next);
+      ends = events.at_event(grid, walk, numbers, event, t);
+      events.pass(event, walk, t);
+      walk.t = select(event, t, walk.t);
+      numbers.event += select(event, I(1), I(0));
+      depth = select(event, numbers.exponential(), depth);
+    }
+    events.pass(leaves, walk, walk.next);
+    depth = select(leaves, depth - across, depth);
+    const B goes = leaves & (walk.next < walk.end);
+    ends |= leaves & !goes;
+    if (any(ends)) store(ends, task, events);
+    active &= !ends;
+    if (any(goes)) walk.advance(grid, goes);
+  }
 }
 
 }  // namespace primray

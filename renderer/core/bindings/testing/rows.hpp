@@ -60,6 +60,7 @@ class Input {
   Input(const InArray<T>& a, size_t rows, int width) : data_(a.data()), n_(rows), width_(width) {
     if (a.size() != rows * width) throw Error("internal", "an array has the wrong shape");
   }
+  T at(size_t row, int c) const { return data_[row * size_t(width_) + size_t(c)]; }
   template <int W>
   Vector<T, W> number(size_t first, int c = 0) const {
     Vector<T, W> r;

@@ -1,34 +1,43 @@
 // Test bindings of grids and of tracking in them: N segments in, N estimates out.
 #include "bindings/testing/rows.hpp"
+#include "bindings/volume_inputs.hpp"
 #include "volume/tracking.hpp"
 
 namespace primray {
 namespace {
 
-// Adds a grid. `values` and `tile_values` are both float32 or both float16 as uint16.
-int add_grid(GridTable& table, InInts leaf_origins, nb::object values, InInts tiles, nb::object tile_values, int channels) {
-  GridInput grid;
-  grid.channels = channels, grid.leaf_origins = span_of(leaf_origins), grid.tiles = span_of(tiles);
-  InArray<uint16_t> halves, tile_halves;
-  InFloats floats, tile_floats;
-  grid.is_half = nb::try_cast(values, halves, false) && nb::try_cast(tile_values, tile_halves, false);
-  if (grid.is_half) {
-    grid.halves = {span_of(halves), span_of(tile_halves)};
-  } else {
-    floats = nb::cast<InFloats>(values), tile_floats = nb::cast<InFloats>(tile_values);
-    grid.floats = {span_of(floats), span_of(tile_floats)};
-  }
-  return table.add(grid);
-}
+// Segments in one grid. `rays`: origin, direction, and the distances of both ends.
+struct Segments {
+  const GridTable& table;
+  int grid;
+  size_t count;
+  Input<float> rays, extinction;
+  Input<int32_t> seeds;
 
-template <int W>
-GridSegment<W> segment(const Input<float>& rays, const Input<float>& extinction, size_t at) {
-  return {{rays.number<W>(at, 0), rays.number<W>(at, 1), rays.number<W>(at, 2)},
-          {rays.number<W>(at, 3), rays.number<W>(at, 4), rays.number<W>(at, 5)},
-          rays.number<W>(at, 6),
-          rays.number<W>(at, 7),
-          extinction.vector<W>(at)};
-}
+  Segments(const GridTable& t, int grid_number, const InFloats& r, const InFloats& e, const InInts& s)
+      : table(t), grid(grid_number), count(r.shape(0)), rays(r, count, 8), extinction(e, count, 3), seeds(s, count, 1) {}
+
+  template <int W>
+  TrackingTask<W> task(vint<W> numbers) const {
+    const auto number = [&](const Input<float>& from, int k) {
+      vfloat<W> r(0.0f);
+      for (int i = 0; i < W; ++i) r.set(i, from.at(size_t(numbers[i]), k));
+      return r;
+    };
+    const auto vector = [&](const Input<float>& from, int k) {
+      return vvec3<W>(number(from, k), number(from, k + 1), number(from, k + 2));
+    };
+    vuint<W> seed(0u);
+    for (int i = 0; i < W; ++i) seed.set(i, uint32_t(seeds.at(size_t(numbers[i]), 0)));
+    return {vint<W>(grid), {vector(rays, 0), vector(rays, 3), number(rays, 6), number(rays, 7), vector(extinction, 0)}, seed};
+  }
+  // Calls f.operator()<W>(), with the lanes that the test asks for.
+  template <class F>
+  static void with_lanes(int lanes, F&& f) {
+    const FlushDenormals as_in_a_render;
+    lanes == 1 ? f.template operator()<1>() : f.template operator()<PRIMRAY_MAX_LANES>();
+  }
+};
 
 nb::object voxels(const GridTable& table, int grid, InInts places_, int lanes) {
   const size_t n = places_.shape(0);
@@ -41,30 +50,53 @@ nb::object voxels(const GridTable& table, int grid, InInts places_, int lanes) {
   return values.array();
 }
 
-// `rays`: origin, direction, and the distances of both ends.
-nb::object transmittance(const GridTable& table, int grid, InFloats rays_, InFloats extinction_, InInts seeds_, int lanes) {
-  const size_t n = rays_.shape(0);
-  const Input<float> rays(rays_, n, 8), extinction(extinction_, n, 3);
-  const Input<int32_t> seeds(seeds_, n, 1);
-  Column<float> found(n, 3);
-  for_rows(n, lanes, [&]<int W>(size_t at) {
-    found.put(at, estimate_transmittance(table, vbool<W>(true), vint<W>(grid), segment<W>(rays, extinction, at),
-                                         bit_cast<vuint<W>>(seeds.number<W>(at))));
+nb::object transmittance(const GridTable& table, int grid, InFloats rays, InFloats extinction, InInts seeds, int lanes) {
+  const Segments segments(table, grid, rays, extinction, seeds);
+  Column<float> found(segments.count, 3);
+  Segments::with_lanes(lanes, [&]<int W>() {
+    const auto load = [&](vbool<W> fresh, vint<W> numbers, TransmittanceEvents<W>& events) {
+      const TrackingTask<W> task = segments.task<W>(numbers);
+      events.begin(fresh, task.segment);
+      return task;
+    };
+    const auto store = [&](vbool<W> done, vint<W> numbers, const TransmittanceEvents<W>& events) {
+      const vvec3<W> left = events.transmittance();
+      for (uint32_t b = bits(done); b; b &= b - 1) {
+        const int i = __builtin_ctz(b);
+        found.put(size_t(numbers[i]), vvec3<1>(vfloat<1>(left.x[i]), vfloat<1>(left.y[i]), vfloat<1>(left.z[i])));
+      }
+    };
+    follow_segments<W, TransmittanceEvents<W>>(table, int(segments.count), load, store);
   });
   return found.array();
 }
 
-nb::tuple collisions(const GridTable& table, int grid, InFloats rays_, InFloats extinction_, InFloats beta_, InInts seeds_,
+nb::tuple collisions(const GridTable& table, int grid, InFloats rays, InFloats extinction, InFloats beta_, InInts seeds,
                      int lanes) {
-  const size_t n = rays_.shape(0);
-  const Input<float> rays(rays_, n, 8), extinction(extinction_, n, 3), beta(beta_, n, 3);
-  const Input<int32_t> seeds(seeds_, n, 1);
-  Column<int32_t> happens(n);
-  Column<float> distance(n), throughput(n, 3);
-  for_rows(n, lanes, [&]<int W>(size_t at) {
-    const Collision<W> c = sample_collision(table, vbool<W>(true), vint<W>(grid), segment<W>(rays, extinction, at),
-                                            beta.vector<W>(at), bit_cast<vuint<W>>(seeds.number<W>(at)));
-    happens.put(at, c.happens), distance.put(at, c.t), throughput.put(at, c.beta);
+  const Segments segments(table, grid, rays, extinction, seeds);
+  const Input<float> beta(beta_, segments.count, 3);
+  Column<int32_t> happens(segments.count);
+  Column<float> distance(segments.count), throughput(segments.count, 3);
+  Segments::with_lanes(lanes, [&]<int W>() {
+    const auto load = [&](vbool<W> fresh, vint<W> numbers, CollisionEvents<W>& events) {
+      const TrackingTask<W> task = segments.task<W>(numbers);
+      vvec3<W> own(vfloat<W>(0.0f));
+      for (int i = 0; i < W; ++i) {
+        const size_t at = size_t(numbers[i]);
+        own.x.set(i, beta.at(at, 0)), own.y.set(i, beta.at(at, 1)), own.z.set(i, beta.at(at, 2));
+      }
+      events.begin(fresh, task.segment, own);
+      return task;
+    };
+    const auto store = [&](vbool<W> done, vint<W> numbers, const CollisionEvents<W>& events) {
+      for (uint32_t b = bits(done); b; b &= b - 1) {
+        const int i = __builtin_ctz(b);
+        const size_t at = size_t(numbers[i]);
+        happens.put(at, vint<1>(events.happens[i] ? 1 : 0)), distance.put(at, vfloat<1>(events.t[i]));
+        throughput.put(at, vvec3<1>(vfloat<1>(events.beta.x[i]), vfloat<1>(events.beta.y[i]), vfloat<1>(events.beta.z[i])));
+      }
+    };
+    follow_segments<W, CollisionEvents<W>>(table, int(segments.count), load, store);
   });
   return nb::make_tuple(happens.array(), distance.array(), throughput.array());
 }
@@ -74,8 +106,12 @@ nb::tuple collisions(const GridTable& table, int grid, InFloats rays_, InFloats 
 void bind_grids(nb::module_& m) {
   nb::class_<GridTable>(m, "GridTable")
       .def(nb::init<>())
-      .def("add", &add_grid, nb::arg("leaf_origins"), nb::arg("values"), nb::arg("tiles"), nb::arg("tile_values"),
-           nb::arg("channels") = 1)
+      .def(
+          "add",
+          [](GridTable& t, InInts leaf_origins, nb::object values, InInts tiles, nb::object tile_values, int channels) {
+            return t.add(GridArrays(leaf_origins, values, tiles, tile_values, channels).input);
+          },
+          nb::arg("leaf_origins"), nb::arg("values"), nb::arg("tiles"), nb::arg("tile_values"), nb::arg("channels") = 1)
       .def("range",
            [](const GridTable& t, int grid) { return nb::make_tuple(t.rows[size_t(grid)].least, t.rows[size_t(grid)].most); })
       .def("box",

@@ -180,7 +180,8 @@ struct ShadowQueue {
   alignas(64) float ox[kSize], oy[kSize], oz[kSize], dx[kSize], dy[kSize], dz[kSize], tfar[kSize];
   alignas(64) float r[kSize], g[kSize], b[kSize];
   alignas(64) int32_t slot[kSize];
-  alignas(64) float time[kSize];  // present if the shutter interval is not empty
+  alignas(64) float time[kSize];       // present if the shutter interval is not empty
+  alignas(64) uint32_t number[kSize];  // seeds of random numbers; present if there are volumes
   int count = 0;
 
   template <int W>

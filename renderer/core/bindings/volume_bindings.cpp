@@ -1,0 +1,39 @@
+// Python bindings of volumes: grids, and media in them.
+#include "bindings/inputs.hpp"
+#include "bindings/volume_inputs.hpp"
+#include "build/builder.hpp"
+
+namespace primray {
+namespace {
+
+struct HeldMedium : MediumInput {
+  InArray<double> held_matrices;
+};
+
+}  // namespace
+
+void bind_volumes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
+  nb::class_<HeldMedium> medium(m, "MediumInput");
+  medium.def(nb::init<>())
+      .def_rw("grid", &HeldMedium::grid)
+      .def_rw("albedo_grid", &HeldMedium::albedo_grid)
+      .def_rw("anisotropy", &HeldMedium::anisotropy);
+  def_vec3(medium, "extinction", &HeldMedium::extinction);
+  def_vec3(medium, "albedo", &HeldMedium::albedo);
+  def_array(medium, "world_from_index", &HeldMedium::held_matrices, &HeldMedium::world_from_index);
+  builder
+      .def(
+          "add_grid",
+          [](SceneBuilder& b, InArray<int32_t> leaf_origins, nb::object values, InArray<int32_t> tiles, nb::object tile_values,
+             int channels) {
+            return b.add_grid(GridArrays(std::move(leaf_origins), values, std::move(tiles), tile_values, channels).input);
+          },
+          nb::arg("leaf_origins"), nb::arg("values"), nb::arg("tiles"), nb::arg("tile_values"), nb::arg("channels") = 1)
+      .def("add_medium", [](SceneBuilder& b, const HeldMedium& input) {
+        std::vector<int64_t> left_out = b.add_medium(input);
+        const size_t count = left_out.size();
+        return to_numpy(std::move(left_out), {count});
+      });
+}
+
+}  // namespace primray

@@ -1,0 +1,158 @@
+// Rays through the volumes of a scene, which are tracked volume by volume, in the order in which a ray enters them: the first
+// collision of paths, and the transmittance of shadow rays.
+#pragma once
+
+#include "volume/next_volume.hpp"
+#include "volume/tracking.hpp"
+
+namespace primray {
+
+// Tasks of one pass: at most one volume for each ray; and where each ray is in the order of its volumes.
+struct VolumePasses {
+  static constexpr int kMost = 512 + 16;
+  // By task.
+  alignas(64) int32_t ray[kMost], instance[kMost];
+  alignas(64) float from[kMost], to[kMost];
+  int count = 0;
+  // Rays that may enter more volumes, and by ray the last volume.
+  alignas(64) int32_t left[kMost], last_instance[kMost];
+  alignas(64) float last_from[kMost];
+  LaneSteps steps;
+};
+
+// Medium of instances, in lanes.
+template <int W>
+struct MediumLanes {
+  vint<W> row;
+  PRIMRAY_INLINE MediumLanes(const VolumeTable& v, vint<W> instance)
+      : row(gather<W>(v.medium_of.data(), instance)), base_(reinterpret_cast<const int32_t*>(v.media.data())) {}
+  PRIMRAY_INLINE vint<W> grid() const { return number(0); }
+  PRIMRAY_INLINE vint<W> albedo_grid() const { return number(1); }
+  PRIMRAY_INLINE vint<W> albedo_shift(int axis) const { return number(2 + axis); }
+  PRIMRAY_INLINE vvec3<W> extinction() const { return {real(5), real(6), real(7)}; }
+  PRIMRAY_INLINE vvec3<W> albedo() const { return {real(8), real(9), real(10)}; }
+  PRIMRAY_INLINE vfloat<W> anisotropy() const { return real(11); }
+
+ private:
+  const int32_t* base_;
+  PRIMRAY_INLINE vint<W> number(int k) const { return gather<W>(base_ + k, row * vint<W>(12)); }
+  PRIMRAY_INLINE vfloat<W> real(int k) const { return bit_cast<vfloat<W>>(number(k)); }
+};
+
+// Runs passes over `count` rays until none enters another volume. `track(tasks)` follows the tasks of a pass.
+template <int W, class Track>
+PRIMRAY_INLINE void pass_volumes(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes,
+                                 const Track& track) {
+  using I = vint<W>;
+  for (int i = 0; i < count; i += W) {
+    store(passes.left + i, lane_numbers<W>() + I(i));
+    store(passes.last_instance + i, I(-1)), store(passes.last_from + i, vfloat<W>(0.0f));
+  }
+  for (int left = count; left > 0;) {
+    int staying = 0;
+    passes.count = 0;
+    for (int at = 0; at < left; at += W) {
+      const vbool<W> m = lane_numbers<W>() < I(left - at);
+      const I ray = select(m, load<W>(passes.left + at), I(0));
+      const vvec3<W> o{gather<W>(rays.ox, ray), gather<W>(rays.oy, ray), gather<W>(rays.oz, ray)};
+      const vvec3<W> d{gather<W>(rays.dx, ray), gather<W>(rays.dy, ray), gather<W>(rays.dz, ray)};
+      const vfloat<W> begin = rays.begin ? gather<W>(rays.begin, ray) : vfloat<W>(0.0f);
+      const NextVolume<W> last{gather<W>(passes.last_instance, ray), gather<W>(passes.last_from, ray), vfloat<W>(0.0f)};
+      const NextVolume<W> next = next_volume(volumes, m, o, d, begin, gather<W>(rays.end, ray), last);
+      const Compaction<W> c(m & (next.instance >= I(0)));
+      c.append(passes.ray + passes.count, ray), c.append(passes.instance + passes.count, next.instance);
+      c.append(passes.from + passes.count, next.from), c.append(passes.to + passes.count, next.to);
+      passes.count += c.count;
+    }
+    for (int k = 0; k < passes.count; ++k) {
+      const int32_t ray = passes.ray[k];
+      passes.last_instance[ray] = passes.instance[k], passes.last_from[ray] = passes.from[k];
+      passes.left[staying++] = ray;
+    }
+    left = staying;
+    if (left == 0) return;
+    const LaneSteps steps = track(passes);
+    passes.steps.all += steps.all, passes.steps.busy += steps.busy;
+  }
+}
+
+// Returns the tracking tasks `numbers` of a pass.
+template <int W>
+PRIMRAY_INLINE TrackingTask<W> tracking_task(const VolumeTable& volumes, const VolumeRays& rays, const VolumePasses& passes,
+                                             vint<W> numbers) {
+  const vint<W> ray = gather<W>(passes.ray, numbers), instance = gather<W>(passes.instance, numbers);
+  const GridRays<W> in_grid(volumes, instance, {gather<W>(rays.ox, ray), gather<W>(rays.oy, ray), gather<W>(rays.oz, ray)},
+                            {gather<W>(rays.dx, ray), gather<W>(rays.dy, ray), gather<W>(rays.dz, ray)});
+  const MediumLanes<W> medium(volumes, instance);
+  const vuint<W> seed = bit_cast<vuint<W>>(gather<W>(reinterpret_cast<const int32_t*>(rays.number), ray));
+  return {medium.grid(),
+          {in_grid.o, in_grid.d, gather<W>(passes.from, numbers), gather<W>(passes.to, numbers), medium.extinction()},
+          seed ^ mix(bit_cast<vuint<W>>(instance) + vuint<W>(0x85ebca6bu))};
+}
+
+// First collisions of paths: in the arrays of their owner, by path.
+struct CollisionColumns {
+  float* end;                     // in: the segments' ends; out: the collisions'
+  float *r, *g, *b;               // throughput
+  int32_t* instance;              // out, of collisions: the instance that the path collides with; elsewhere left alone
+  float *albedo_r, *albedo_g, *albedo_b;
+};
+
+template <int W>
+PRIMRAY_RARE void sample_collisions(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes,
+                                    const CollisionColumns& found) {
+  pass_volumes<W>(volumes, rays, count, passes, [&](const VolumePasses& tasks) {
+    const auto load = [&](vbool<W> fresh, vint<W> numbers, CollisionEvents<W>& events) {
+      const vint<W> ray = gather<W>(tasks.ray, numbers);
+      const TrackingTask<W> task = tracking_task<W>(volumes, rays, tasks, numbers);
+      events.begin(fresh, task.segment, {gather<W>(found.r, ray), gather<W>(found.g, ray), gather<W>(found.b, ray)});
+      return task;
+    };
+    const auto store = [&](vbool<W> done, vint<W> numbers, const CollisionEvents<W>& events) {
+      const vint<W> instance = gather<W>(tasks.instance, numbers);
+      vvec3<W> albedo(vfloat<W>(1.0f));
+      if (any(done & events.happens)) {
+        const MediumLanes<W> medium(volumes, instance);
+        albedo = medium.albedo();
+        const vint<W> grid = medium.albedo_grid();
+        if (const vbool<W> varies = done & events.happens & (grid >= vint<W>(0)); any(varies)) {
+          const GridRows<W> rows(volumes.grids, select(varies, grid, vint<W>(0)));
+          const vvec3<W> own = rows.color(events.voxel[0] + medium.albedo_shift(0), events.voxel[1] + medium.albedo_shift(1),
+                                          events.voxel[2] + medium.albedo_shift(2));
+          albedo = select(varies, albedo * own, albedo);
+        }
+      }
+      for (uint32_t b = bits(done); b; b &= b - 1) {
+        const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
+        found.r[ray] = events.beta.x[i], found.g[ray] = events.beta.y[i], found.b[ray] = events.beta.z[i];
+        if (!events.happens[i]) continue;
+        found.end[ray] = events.t[i], found.instance[ray] = instance[i];
+        found.albedo_r[ray] = albedo.x[i], found.albedo_g[ray] = albedo.y[i], found.albedo_b[ray] = albedo.z[i];
+      }
+    };
+    return follow_segments<W, CollisionEvents<W>>(volumes.grids, tasks.count, load, store);
+  });
+}
+
+// Multiplies what rays carry by the transmittance of all volumes; rays that carry nothing are not followed.
+template <int W>
+PRIMRAY_RARE void attenuate(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes, float* r, float* g,
+                            float* b) {
+  pass_volumes<W>(volumes, rays, count, passes, [&](const VolumePasses& tasks) {
+    const auto load = [&](vbool<W> fresh, vint<W> numbers, TransmittanceEvents<W>& events) {
+      const TrackingTask<W> task = tracking_task<W>(volumes, rays, tasks, numbers);
+      events.begin(fresh, task.segment);
+      return task;
+    };
+    const auto store = [&](vbool<W> done, vint<W> numbers, const TransmittanceEvents<W>& events) {
+      const vvec3<W> left = events.transmittance();
+      for (uint32_t m = bits(done); m; m &= m - 1) {
+        const int i = __builtin_ctz(m), ray = tasks.ray[numbers[i]];
+        r[ray] *= left.x[i], g[ray] *= left.y[i], b[ray] *= left.z[i];
+      }
+    };
+    return follow_segments<W, TransmittanceEvents<W>>(volumes.grids, tasks.count, load, store);
+  });
+}
+
+}  // namespace primray

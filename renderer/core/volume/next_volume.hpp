@@ -1,0 +1,117 @@
+// The volumes that rays cross, one after the other, by the distance at which the ray enters the grid's box.
+#pragma once
+
+#include "volume/volume_table.hpp"
+
+namespace primray {
+
+// Rays in the arrays of their owner, by path: of the path pool, or of a queue of shadow rays.
+struct VolumeRays {
+  const float *ox, *oy, *oz, *dx, *dy, *dz;
+  const float* begin;  // null: all rays begin at 0
+  const float* end;
+  const uint32_t* number;  // seeds of random numbers
+};
+
+// Instance that a ray enters next, and its part of the ray; -1: none.
+template <int W>
+struct NextVolume {
+  vint<W> instance;
+  vfloat<W> from, to;
+};
+
+// Rays in the coordinates of a grid.
+template <int W>
+struct GridRays {
+  vvec3<W> o, d;
+  PRIMRAY_INLINE GridRays(const VolumeTable& volumes, vint<W> instance, const vvec3<W>& origin, const vvec3<W>& direction) {
+    const AffineLanes<W> to(volumes.index_from_core.data(), instance * vint<W>(12));
+    o = to.vector(origin) + to.o, d = to.vector(direction);
+  }
+};
+
+// Clips rays to the box of a grid: `from` and `to` become those of the part inside, which is empty where from >= to.
+template <int W>
+PRIMRAY_INLINE void clip_to_grid(const GridTable::Row& row, const GridRays<W>& ray, vfloat<W>& from, vfloat<W>& to) {
+  using F = vfloat<W>;
+  const F o[3] = {ray.o.x, ray.o.y, ray.o.z}, d[3] = {ray.d.x, ray.d.y, ray.d.z};
+  for (int a = 0; a < 3; ++a) {
+    const F inverse = 1.0f / select(abs(d[a]) < F(1e-18f), copysign(F(1e-18f), d[a]), d[a]);
+    const F low = (row.low[a] - o[a]) * inverse, high = (row.high[a] - o[a]) * inverse;
+    from = max(from, min(low, high)), to = min(to, max(low, high));
+  }
+}
+
+// Up to this number of instances, each is tested; beyond, the hierarchy is traversed ray by ray.
+constexpr size_t kFewVolumes = 8;
+
+// Finds the volume that one ray enters after `last` (in the order of distances, then of instances) and before `end`.
+inline NextVolume<1> next_in_hierarchy(const VolumeTable& volumes, const vvec3<1>& o, const vvec3<1>& d, float begin, float end,
+                                       const NextVolume<1>& last) {
+  const float origin[3] = {o.x[0], o.y[0], o.z[0]}, way[3] = {d.x[0], d.y[0], d.z[0]};
+  NextVolume<1> found{vint<1>(-1), vfloat<1>(end), vfloat<1>(end)};
+  int32_t stack[64];
+  int size = 0;
+  stack[size++] = 0;
+  while (size > 0) {
+    const VolumeTable::Node& node = volumes.nodes[size_t(stack[--size])];
+    float from = begin, to = found.from[0];
+    for (int a = 0; a < 3; ++a) {
+      const float inverse = 1.0f / (std::fabs(way[a]) < 1e-18f ? std::copysign(1e-18f, way[a]) : way[a]);
+      const float low = (node.low[a] - origin[a]) * inverse, high = (node.high[a] - origin[a]) * inverse;
+      from = std::max(from, std::min(low, high)), to = std::min(to, std::max(low, high));
+    }
+    // Boxes are a little larger than what they hold, but the distances to them are rounded too.
+    if (!(from <= to * 1.00001f)) continue;
+    if (node.count == 0) {
+      stack[size++] = node.first + 1, stack[size++] = node.first;
+      continue;
+    }
+    for (int32_t k = node.first; k < node.first + node.count; ++k) {
+      const int32_t i = volumes.order[size_t(k)];
+      const GridTable::Row& row = volumes.grids.rows[size_t(volumes.media[size_t(volumes.medium_of[size_t(i)])].grid)];
+      vfloat<1> enters(begin), leaves(end);
+      clip_to_grid(row, GridRays<1>(volumes, vint<1>(i), o, d), enters, leaves);
+      const float t = enters[0], of_last = last.from[0];
+      const bool after = last.instance[0] < 0 || t > of_last || (t == of_last && i > last.instance[0]);
+      const bool before = t < found.from[0] || (t == found.from[0] && found.instance[0] >= 0 && i < found.instance[0]);
+      if (t < leaves[0] && after && before) found = {vint<1>(i), enters, leaves};
+    }
+  }
+  return found;
+}
+
+// Finds the volumes that rays of lanes `m` enter after `last` and before `end`.
+template <int W>
+PRIMRAY_RARE NextVolume<W> next_volume(const VolumeTable& volumes, vbool<W> m, const vvec3<W>& o, const vvec3<W>& d,
+                                       vfloat<W> begin, vfloat<W> end, const NextVolume<W>& last) {
+  using F = vfloat<W>;
+  using I = vint<W>;
+  NextVolume<W> found{I(-1), end, end};
+  if (volumes.medium_of.size() > kFewVolumes) {
+    alignas(64) int32_t instance[W];
+    alignas(64) float from[W], to[W];
+    for (int k = 0; k < W; ++k) {
+      instance[k] = -1, from[k] = to[k] = 0.0f;
+      if (!m[k]) continue;
+      const vvec3<1> origin{vfloat<1>(o.x[k]), vfloat<1>(o.y[k]), vfloat<1>(o.z[k])};
+      const vvec3<1> way{vfloat<1>(d.x[k]), vfloat<1>(d.y[k]), vfloat<1>(d.z[k])};
+      const NextVolume<1> one = next_in_hierarchy(volumes, origin, way, begin[k], end[k],
+                                                  {vint<1>(last.instance[k]), vfloat<1>(last.from[k]), vfloat<1>(0.0f)});
+      instance[k] = one.instance[0], from[k] = one.from[0], to[k] = one.to[0];
+    }
+    return {load<W>(instance), load<W>(from), load<W>(to)};
+  }
+  for (int32_t i = 0; i < int32_t(volumes.medium_of.size()); ++i) {
+    const GridTable::Row& row = volumes.grids.rows[size_t(volumes.media[size_t(volumes.medium_of[size_t(i)])].grid)];
+    F from = begin, to = end;
+    clip_to_grid(row, GridRays<W>(volumes, I(i), o, d), from, to);
+    const vbool<W> after = (last.instance < I(0)) | (from > last.from) | ((from == last.from) & (I(i) > last.instance));
+    const vbool<W> is = m & (from < to) & after & (from < found.from);
+    found.instance = select(is, I(i), found.instance), found.from = select(is, from, found.from);
+    found.to = select(is, to, found.to);
+  }
+  return found;
+}
+
+}  // namespace primray
