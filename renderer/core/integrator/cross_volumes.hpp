@@ -23,15 +23,15 @@ PRIMRAY_RARE void collide_in_volumes(Round& round) {
   for (int at = 0; at < pool.count; at += W) {
     F end = min(load<W>(pool.tfar + at), select(load<W>(pool.geom + at) != I(-1), load<W>(pool.t + at), kInfinity));
     // Random walks below opaque surfaces are not in volumes.
-    if (round.follows_media())
-      end = select(round.worker.medium_states->pool->template at<W>(at).in_subsurface(), F(0.0f), end);
+    if (round.follows_media()) end = select(round.worker.medium_states->pool->template at<W>(at).in_subsurface(), F(0.0f), end);
     store(state.end + at, end), store(state.instance + at, I(-1));
-    store(state.number + at, volume_seed<W>(load<W>(pool.seed + at), load<W>(pool.reversed_index + at), load<W>(pool.vertex + at)));
+    store(state.number + at,
+          volume_seed<W>(load<W>(pool.seed + at), load<W>(pool.reversed_index + at), load<W>(pool.vertex + at)));
   }
   const VolumeRays rays{pool.ox, pool.oy, pool.oz, pool.dx, pool.dy, pool.dz, pool.tnear, state.end, state.number};
-  sample_collisions<W>(*round.scene.volumes, rays, pool.count, state.passes,
-                       {state.end, pool.beta_r, pool.beta_g, pool.beta_b, state.instance, state.albedo[0], state.albedo[1],
-                        state.albedo[2]});
+  sample_collisions<W>(
+      *round.scene.volumes, rays, pool.count, state.passes,
+      {state.end, pool.beta_r, pool.beta_g, pool.beta_b, state.instance, state.albedo[0], state.albedo[1], state.albedo[2]});
   for (int i = 0; i < pool.count; ++i) {
     if (state.instance[i] < 0) continue;
     pool.t[i] = state.end[i], pool.geom[i] = kVolumeHit, pool.inst[i] = state.instance[i];
@@ -81,8 +81,7 @@ PRIMRAY_RARE void shade_volume_lanes(Round& round, int at, vbool<W> collides, Pa
   // Scatter
   const MediumLanes<W> medium(volumes, select(collides, hits.inst, vint<W>(0)));
   p.beta = select(collides, p.beta * hits.ng, p.beta);
-  const vbool<W> scatters =
-      reaches & (p.depth < vint<W>(round.settings.max_depth)) & (max_component(p.beta) > F(0.0f));
+  const vbool<W> scatters = reaches & (p.depth < vint<W>(round.settings.max_depth)) & (max_component(p.beta) > F(0.0f));
   if (PathLog* const log = path_log<W>(round); log && any(reaches)) {
     log->add("volume", p).put("distance", log->length(hits.t)).put("throughput", p.beta).why = "collides";
     if (!any(scatters)) log->end(p, "the maximum depth is reached, or the volume only absorbs");

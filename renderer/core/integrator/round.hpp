@@ -1,8 +1,8 @@
 // State that all stages of the path loop share: the scene, one task's samples, and the worker that renders them.
 //
-// A round advances every path of the pool by one vertex: refill with camera rays, trace, cross volumes and media (in scenes that
-// have any), shade (which leaves the surviving paths compacted in the other pool and shadow rays in a queue), trace the shadow rays.
-// Each stage is a file of free functions over this.
+// A round advances every path of the pool by one vertex: refill with camera rays, trace, cross volumes and media (in scenes
+// that have any), shade (which leaves the surviving paths compacted in the other pool and shadow rays in a queue), trace the
+// shadow rays. Each stage is a file of free functions over this.
 #pragma once
 
 #include <memory>

@@ -187,7 +187,8 @@ void trace_special_shadows(Round& round) {
 template <int W>
 void trace_shadows(Round& round) {
   round.worker.shadow_rays += round.worker.shadows.count;
-  round.scene.triangle_bvh.any() && !round.scene.has_thin && !round.has_volumes() ? trace_shadow_stream<W>(round) : trace_shadow_lanes<W>(round);
+  round.scene.triangle_bvh.any() && !round.scene.has_thin && !round.has_volumes() ? trace_shadow_stream<W>(round)
+                                                                                  : trace_shadow_lanes<W>(round);
   if (round.has_special()) trace_special_shadows<W>(round);
 }
 

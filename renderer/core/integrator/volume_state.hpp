@@ -12,7 +12,8 @@ struct VolumeState {
   alignas(64) float end[kPadded], albedo[3][kPadded];
   alignas(64) int32_t instance[kPadded];
   alignas(64) uint32_t number[kPadded];
-  // By shadow ray: what is left of the radiance that it carries, where it ends (0: it is blocked), and how many surfaces it passed.
+  // By shadow ray: what is left of the radiance that it carries, where it ends (0: it is blocked), and how many surfaces it
+  // passed.
   alignas(64) float left[3][ShadowQueue::kSize], shadow_end[ShadowQueue::kSize];
   alignas(64) int32_t passed[ShadowQueue::kSize];
 
@@ -46,7 +47,7 @@ PRIMRAY_RARE void put_shadow_seeds(vbool<W> m, ShadowQueue& queue, const PathLan
 template <int W>
 PRIMRAY_RARE void attenuate_shadows(const VolumeTable& volumes, VolumeState& state, const ShadowQueue& q) {
   for (int at = 0; at < q.count; at += kPool) {
-    const VolumeRays rays{q.ox + at, q.oy + at, q.oz + at, q.dx + at, q.dy + at, q.dz + at, nullptr, state.shadow_end + at,
+    const VolumeRays rays{q.ox + at,    q.oy + at, q.oz + at, q.dx + at, q.dy + at, q.dz + at, nullptr, state.shadow_end + at,
                           q.number + at};
     attenuate<W>(volumes, rays, std::min(kPool, q.count - at), state.passes, state.left[0] + at, state.left[1] + at,
                  state.left[2] + at);

@@ -92,9 +92,9 @@ PRIMRAY_INLINE TrackingTask<W> tracking_task(const VolumeTable& volumes, const V
 
 // First collisions of paths: in the arrays of their owner, by path.
 struct CollisionColumns {
-  float* end;                     // in: the segments' ends; out: the collisions'
-  float *r, *g, *b;               // throughput
-  int32_t* instance;              // out, of collisions: the instance that the path collides with; elsewhere left alone
+  float* end;         // in: the segments' ends; out: the collisions'
+  float *r, *g, *b;   // throughput
+  int32_t* instance;  // out, of collisions: the instance that the path collides with; elsewhere left alone
   float *albedo_r, *albedo_g, *albedo_b;
 };
 
@@ -136,8 +136,8 @@ PRIMRAY_RARE void sample_collisions(const VolumeTable& volumes, const VolumeRays
 
 // Multiplies what rays carry by the transmittance of all volumes; rays that carry nothing are not followed.
 template <int W>
-PRIMRAY_RARE void attenuate(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes, float* r, float* g,
-                            float* b) {
+PRIMRAY_RARE void attenuate(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes, float* r,
+                            float* g, float* b) {
   pass_volumes<W>(volumes, rays, count, passes, [&](const VolumePasses& tasks) {
     const auto load = [&](vbool<W> fresh, vint<W> numbers, TransmittanceEvents<W>& events) {
       const TrackingTask<W> task = tracking_task<W>(volumes, rays, tasks, numbers);

@@ -47,7 +47,8 @@ struct GridRows {
   PRIMRAY_INLINE vfloat<W> value(vint<W> x, vint<W> y, vint<W> z) const { return number(block(x, y, z) + voxel(x, y, z)); }
   // Color of the voxel at (x, y, z); grids with one channel are gray.
   PRIMRAY_INLINE vvec3<W> color(vint<W> x, vint<W> y, vint<W> z) const {
-    const vint<W> at = block(x, y, z) + voxel(x, y, z) * channels, step = select(channels == vint<W>(1), vint<W>(0), vint<W>(1));
+    const vint<W> at = block(x, y, z) + voxel(x, y, z) * channels,
+                  step = select(channels == vint<W>(1), vint<W>(0), vint<W>(1));
     return {number(at), number(at + step), number(at + step + step)};
   }
 

@@ -53,8 +53,8 @@ template <int W>
 struct CollisionEvents {
   using F = vfloat<W>;
   using B = vbool<W>;
-  vvec3<W> k{F(0.0f)};     // extinction per unit of the grid's values and of distance
-  F most{0.0f};            // its largest channel
+  vvec3<W> k{F(0.0f)};  // extinction per unit of the grid's values and of distance
+  F most{0.0f};         // its largest channel
   B is_gray{true};
   vvec3<W> beta{F(0.0f)};  // throughput of the path, before the albedo of a collision
   B happens{false};        // before the segment's end, at `t`

@@ -63,7 +63,8 @@ std::vector<int64_t> VolumeTable::add_medium(const MediumInput& input, const daf
   put(input.extinction, 1.0 / scale, medium.extinction), put(input.albedo, 1.0, medium.albedo);
   if (input.albedo_grid >= 0) {
     const dvec3 shift = first - first_voxels[size_t(input.albedo_grid)];
-    medium.albedo_shift[0] = int32_t(shift.x), medium.albedo_shift[1] = int32_t(shift.y), medium.albedo_shift[2] = int32_t(shift.z);
+    medium.albedo_shift[0] = int32_t(shift.x), medium.albedo_shift[1] = int32_t(shift.y),
+    medium.albedo_shift[2] = int32_t(shift.z);
   }
   const GridTable::Row& row = grids.rows[size_t(input.grid)];
   std::vector<int64_t> left_out;
@@ -94,7 +95,8 @@ void VolumeTable::finish() {
     const int32_t first = nodes[n].first, count = nodes[n].count;
     Box box, centres;
     const auto centre = [&](int32_t i) { return (boxes_[size_t(i)].low + boxes_[size_t(i)].high) * 0.5f; };
-    for (int32_t k = first; k < first + count; ++k) box.add(boxes_[size_t(order[size_t(k)])]), centres.add(centre(order[size_t(k)]));
+    for (int32_t k = first; k < first + count; ++k)
+      box.add(boxes_[size_t(order[size_t(k)])]), centres.add(centre(order[size_t(k)]));
     const float lows[3] = {box.low.x, box.low.y, box.low.z}, highs[3] = {box.high.x, box.high.y, box.high.z};
     std::copy_n(lows, 3, nodes[n].low), std::copy_n(highs, 3, nodes[n].high);
     if (count <= kMostInLeaf) continue;

@@ -12,11 +12,11 @@ namespace primray {
 
 // A medium as the builder receives it.
 struct MediumInput {
-  int grid = -1;                            // its values are the density
-  vec3 extinction{0.0f, 0.0f, 0.0f};        // per unit of density and of the scene's lengths
-  vec3 albedo{1.0f, 1.0f, 1.0f};            // single-scattering albedo
-  int albedo_grid = -1;                     // its values are multiplied with the albedo, voxel by voxel; -1: none
-  float anisotropy = 0;                     // mean cosine of the phase function
+  int grid = -1;                             // its values are the density
+  vec3 extinction{0.0f, 0.0f, 0.0f};         // per unit of density and of the scene's lengths
+  vec3 albedo{1.0f, 1.0f, 1.0f};             // single-scattering albedo
+  int albedo_grid = -1;                      // its values are multiplied with the albedo, voxel by voxel; -1: none
+  float anisotropy = 0;                      // mean cosine of the phase function
   std::span<const double> world_from_index;  // 12 numbers by instance: rows of a 3x4 matrix
 };
 
@@ -32,8 +32,8 @@ struct VolumeTable {
     float anisotropy;
   };
   std::vector<Medium> media;
-  std::vector<int32_t> medium_of;       // by instance
-  std::vector<float> index_from_core;   // 12 floats by instance: columns x, y, z, origin
+  std::vector<int32_t> medium_of;      // by instance
+  std::vector<float> index_from_core;  // 12 floats by instance: columns x, y, z, origin
   static_assert(sizeof(Medium) == 12 * sizeof(int32_t));
 
   // Hierarchy of the boxes of instances, in the core's space. Children of an inner node are adjacent.
