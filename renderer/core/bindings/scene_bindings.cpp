@@ -79,7 +79,8 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("has_moving_points", [](const Scene& s) { return bool(s.motion.any_points); })
       .def_prop_ro("has_moving_lights", [](const Scene& s) { return s.lights.motion.any(); })
       .def_prop_ro("media", [](const Scene& s) { return s.volumes ? s.volumes->media.size() : 0; })
-      .def_prop_ro("volumes", [](const Scene& s) { return s.volumes ? s.volumes->medium_of.size() : 0; })
+      .def_prop_ro("volumes",
+                   [](const Scene& s) { return s.volumes ? s.volumes->in_media.size() + s.volumes->in_emissions.size() : 0; })
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
   nb::class_<SceneBuilder> builder(m, "SceneBuilder");
   builder

@@ -10,6 +10,16 @@ struct HeldMedium : MediumInput {
   InArray<double> held_matrices;
 };
 
+struct HeldEmission : VolumeEmissionInput {
+  InArray<double> held_matrices;
+};
+
+// Returns the instances that were left out.
+OutArray<int64_t, 1> left_out_of(std::vector<int64_t> left_out) {
+  const size_t count = left_out.size();
+  return to_numpy(std::move(left_out), {count});
+}
+
 }  // namespace
 
 void bind_volumes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
@@ -21,6 +31,10 @@ void bind_volumes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
   def_vec3(medium, "extinction", &HeldMedium::extinction);
   def_vec3(medium, "albedo", &HeldMedium::albedo);
   def_array(medium, "world_from_index", &HeldMedium::held_matrices, &HeldMedium::world_from_index);
+  nb::class_<HeldEmission> emission(m, "VolumeEmissionInput");
+  emission.def(nb::init<>()).def_rw("grid", &HeldEmission::grid);
+  def_vec3(emission, "emission", &HeldEmission::emission);
+  def_array(emission, "world_from_index", &HeldEmission::held_matrices, &HeldEmission::world_from_index);
   builder
       .def(
           "add_grid",
@@ -29,11 +43,9 @@ void bind_volumes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
             return b.add_grid(GridArrays(std::move(leaf_origins), values, std::move(tiles), tile_values, channels).input);
           },
           nb::arg("leaf_origins"), nb::arg("values"), nb::arg("tiles"), nb::arg("tile_values"), nb::arg("channels") = 1)
-      .def("add_medium", [](SceneBuilder& b, const HeldMedium& input) {
-        std::vector<int64_t> left_out = b.add_medium(input);
-        const size_t count = left_out.size();
-        return to_numpy(std::move(left_out), {count});
-      });
+      .def("add_medium", [](SceneBuilder& b, const HeldMedium& input) { return left_out_of(b.add_medium(input)); })
+      .def("add_volume_emission",
+           [](SceneBuilder& b, const HeldEmission& input) { return left_out_of(b.add_volume_emission(input)); });
 }
 
 }  // namespace primray

@@ -338,10 +338,17 @@ VolumeTable& SceneBuilder::volumes() {
 
 int SceneBuilder::add_grid(const GridInput& grid) { return volumes().add_grid(grid); }
 
+daffine SceneBuilder::core_from_world() const {
+  const double scale = scene_->scale;
+  return {{scale, 0, 0}, {0, scale, 0}, {0, 0, scale}, scene_->origin * -scale};
+}
+
 std::vector<int64_t> SceneBuilder::add_medium(const MediumInput& medium) {
-  const Scene& s = *scene_;
-  const daffine core_from_world{{s.scale, 0, 0}, {0, s.scale, 0}, {0, 0, s.scale}, s.origin * -s.scale};
-  return volumes().add_medium(medium, core_from_world, s.scale);
+  return volumes().add_medium(medium, core_from_world(), scene_->scale);
+}
+
+std::vector<int64_t> SceneBuilder::add_volume_emission(const VolumeEmissionInput& emission) {
+  return volumes().add_emission(emission, core_from_world(), scene_->scale);
 }
 
 std::unique_ptr<Scene> SceneBuilder::finish() {
@@ -364,14 +371,15 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   s.has_emission |= s.geometry_lights.any();
   if (!s.lights.portals.empty()) s.lights.portals.resize(s.lights.domes.size());
   s.lights.analytic_count = s.lights.count;
-  if (s.has_emission) build_emitters(s);
-  finish_light_rows(s.lights);
-  s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
-  s.only_hierarchy_lights_found =
-      !s.has_emission && s.lights.domes.empty() && !s.lights.hierarchy.empty() && s.lights.hierarchy.far.empty();
-  s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
   if (s.volumes && !s.volumes->any()) s.volumes.reset();
-  if (s.volumes) s.volumes->finish();
+  if (s.has_emission) build_emitters(s);
+  if (s.volumes) s.volumes->finish(), add_volume_lights(s);
+  finish_light_rows(s.lights);
+  const bool glows = s.has_emission || (s.volumes && s.volumes->in_emissions.any());
+  s.rays_find_light = glows || s.lights.needs_hit_test || !s.lights.domes.empty();
+  s.only_hierarchy_lights_found =
+      !glows && s.lights.domes.empty() && !s.lights.hierarchy.empty() && s.lights.hierarchy.far.empty();
+  s.only_domes_found = !glows && !s.lights.needs_hit_test && !s.lights.domes.empty();
   if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
   if (!keeps_accel_) build_accel(s);
   find_camera_media(s);

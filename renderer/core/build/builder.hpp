@@ -113,9 +113,10 @@ class SceneBuilder {
   void set_light_of_shape(int light, const daffine& group_from_object);
   // Adds a grid of values, which media may have, and returns its number.
   int add_grid(const GridInput& grid);
-  // Adds a medium and its instances; returns the indices of those that are left out since their matrix is singular or not
-  // finite.
+  // Add a medium, or emission, and its instances; they return the indices of those that are left out since their matrix is
+  // singular or not finite.
   std::vector<int64_t> add_medium(const MediumInput& medium);
+  std::vector<int64_t> add_volume_emission(const VolumeEmissionInput& emission);
   void set_camera(const CameraInput& camera);
   // Sets an image after all shapes, placements and the camera, which determine the levels that are kept. `tile`: 0, or 1001 to
   // 1100.
@@ -125,6 +126,7 @@ class SceneBuilder {
 
  private:
   VolumeTable& volumes();
+  daffine core_from_world() const;
   dvec3 to_group(const dvec3& p) const { return (p - group_origin_) * group_scale_; }
   void place_points(std::span<const float> points, const daffine& group_from_object, float* to) const;
   void add_curved_row(CurvedRange& range, size_t record, int32_t surface);

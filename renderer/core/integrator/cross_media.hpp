@@ -11,11 +11,6 @@
 
 namespace primray {
 
-// Paths in dense media without absorption scatter as often as the object is optically thick, so Russian roulette starts later
-// for them and ends fewer.
-constexpr int kMediumDeep = 16384;
-constexpr float kMediumDeepKeep = 0.9999f;
-
 // Continues paths from distance `t` along their rays without sampling lights.
 template <int W>
 PRIMRAY_INLINE void scatter_unlit(Round& round, vbool<W> scatters, const PathLanes<W>& p, vfloat<W> t,

@@ -10,6 +10,7 @@
 #include "integrator/outline_rays.hpp"
 #include "integrator/shade.hpp"
 #include "integrator/trace.hpp"
+#include "integrator/volume_emission.hpp"
 
 namespace primray {
 
@@ -30,6 +31,13 @@ void clear_queues(Round& round) {
   if (round.has_special()) w.special_shadows->rays.count = 0;
 }
 
+// Finds where paths collide in volumes, and what these emit up to there.
+template <int W>
+PRIMRAY_RARE void cross_volumes(Round& round) {
+  collide_in_volumes<W>(round);
+  if (round.scene.volumes->in_emissions.any()) gather_volume_emission<W>(round);
+}
+
 // Runs rounds until no path is left.
 template <int W>
 void run_rounds(Round& round, int slots) {
@@ -39,7 +47,7 @@ void run_rounds(Round& round, int slots) {
     if (round.worker.pool->count == 0) break;
     trace<W>(round);
     clear_queues<W>(round);
-    if (round.has_volumes()) collide_in_volumes<W>(round);
+    if (round.has_volumes()) cross_volumes<W>(round);
     if (round.follows_media()) cross_media<W>(round);
     if (round.has_volumes()) shade_volumes<W>(round);
     shade<W>(round);

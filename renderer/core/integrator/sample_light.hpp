@@ -7,6 +7,7 @@
 #include "integrator/vertex.hpp"
 #include "light/mesh/emitter.hpp"
 #include "light/sampler/tree_choice.hpp"
+#include "light/sampler/volume_point.hpp"
 #include "surface/ray_origin.hpp"
 
 namespace primray {
@@ -77,6 +78,11 @@ PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, 
       const vuint<W> bits = p.sampler.bits_of(bounce, Purpose::kEmitter);
       sample_mesh(scene, mesh, light, from, facing(v), bits, u.u, u.v, p.ray.time, s);
     }
+  }
+  if (scene.volumes && scene.volumes->in_emissions.any()) {
+    const B volume = useful & is_type(LightRow<W>(lights, light).type(), LightType::kVolume);
+    if (any(volume))
+      sample_volume_point(*scene.volumes, volume, light, from, p.sampler.bits_of(bounce, Purpose::kEmitter), u.u, u.v, s);
   }
   return s;
 }

@@ -27,6 +27,10 @@ constexpr float kRouletteKeep = 4;
 // as a^2 is below the survival probability: 0.98 made a closed room of albedo 0.998 6 % too dark in any render.
 constexpr int kRouletteDeep = 1024;
 constexpr float kRouletteDeepKeep = 0.999f;
+// Paths in dense media without absorption scatter as often as the object is optically thick, so Russian roulette starts later
+// for them and ends fewer.
+constexpr int kMediumDeep = 16384;
+constexpr float kMediumDeepKeep = 0.9999f;
 
 // Samples a direction from the BSDF, the guide or the caustic photons. `splits`: number of parts of each sample, which photons
 // change. `own`: with photons, the density without them.
@@ -86,7 +90,7 @@ PRIMRAY_INLINE void update_path_state(const Round& round, const Vertex<W, Lobes>
 
 // Plays Russian roulette among `alive`, divides the throughput of survivors, and returns the survival probabilities.
 // `expected`: see expected_light().
-template <int W>
+template <bool kInMedium, int W>
 PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vfloat<W> expected, PathLanes<W>& n,
                                        vbool<W>& alive) {
   using F = vfloat<W>;
@@ -95,7 +99,9 @@ PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vf
   const vbool<W> roulette = alive & (bounce >= I(kRouletteStart)) & !straight;
   F survive(1.0f);
   if (!any(roulette)) return survive;
-  const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
+  constexpr int kDeep = kInMedium ? kMediumDeep : kRouletteDeep;
+  constexpr float kDeepKeep = kInMedium ? kMediumDeepKeep : kRouletteDeepKeep;
+  const F most = select(bounce >= I(kDeep), F(kDeepKeep), F(1.0f));
   F expected_weight = max_component(n.beta) * n.splits * kRouletteKeep;
   if (round.needs.first_received)
     expected_weight = select(n.first_received > F(0.0f), max(expected_weight * expected, kLeastSurvival), expected_weight);
@@ -188,7 +194,7 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
     log->end(p, "the maximum depth is reached");
 
   // End paths that cannot find light or that Russian roulette ends
-  const F survive = play_roulette(round, s.straight, expected, n, alive);
+  const F survive = play_roulette<Lobes::kInMedium>(round, s.straight, expected, n, alive);
   // End the paths as well if light sampling alone finds all lights near them.
   if (scene.only_hierarchy_lights_found)
     alive &= (!last) | s.straight | s.enters |

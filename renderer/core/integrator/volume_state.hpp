@@ -12,6 +12,7 @@ struct VolumeState {
   alignas(64) float end[kPadded], albedo[3][kPadded];
   alignas(64) int32_t instance[kPadded];
   alignas(64) uint32_t number[kPadded];
+  alignas(64) float emission[3][kPadded];
   // By shadow ray: what is left of the radiance that it carries, where it ends (0: it is blocked), and how many surfaces it
   // passed.
   alignas(64) float left[3][ShadowQueue::kSize], shadow_end[ShadowQueue::kSize];

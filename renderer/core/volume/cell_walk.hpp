@@ -9,6 +9,21 @@
 
 namespace primray {
 
+// Products of value and distance up to which a node is one cell, and from which a leaf is divided into voxels.
+template <int W>
+struct CellSizes {
+  vfloat<W> thin, dense;
+
+  // `per_value`: optical depth per unit of value and distance.
+  static PRIMRAY_INLINE CellSizes by_depth(vfloat<W> per_value) {
+    constexpr float kThinNode = 0.25f, kDenseLeaf = 32;
+    const vfloat<W> unit = 1.0f / max(per_value, 1e-30f);
+    return {kThinNode * unit, kDenseLeaf * unit};
+  }
+  // Leaves, and nodes with one value.
+  static PRIMRAY_INLINE CellSizes leaves() { return {vfloat<W>(0.0f), vfloat<W>(INFINITY)}; }
+};
+
 template <int W>
 struct CellWalk {
   using F = vfloat<W>;
@@ -20,16 +35,16 @@ struct CellWalk {
   F next{0.0f};                          // where the ray leaves the cell
   F low{0.0f}, high{0.0f};               // range of the cell's values
   I x[3] = {I(0), I(0), I(0)}, side{1};  // the cell's lowest voxel, and its side: 1, 8 or 128 voxels
-  F thin{0.0f}, dense{0.0f};             // products of value and distance: of a node that is a cell, of a leaf that is divided
+  F thin{0.0f}, dense{0.0f};             // see CellSizes
 
-  // Begins in lanes `m` at `from`. `per_value`: optical depth per unit of value and distance.
+  // Begins in lanes `m` at `from`.
   PRIMRAY_INLINE void begin(const GridRows<W>& grid, vbool<W> m, const vvec3<W>& origin, const vvec3<W>& direction, F from,
-                            F to, F per_value) {
+                            F to, const CellSizes<W>& sizes) {
     const auto away = [](F a) { return select(abs(a) < F(1e-18f), copysign(F(1e-18f), a), a); };
     o = select(m, origin, o), d = select(m, vvec3<W>(away(direction.x), away(direction.y), away(direction.z)), d);
     inverse = {1.0f / d.x, 1.0f / d.y, 1.0f / d.z};
     t = select(m, from, t), end = select(m, to, end);
-    thin = select(m, kThinNode / max(per_value, 1e-30f), thin), dense = select(m, kDenseLeaf / max(per_value, 1e-30f), dense);
+    thin = select(m, sizes.thin, thin), dense = select(m, sizes.dense, dense);
     const vvec3<W> p = at(from);
     x[0] = select(m, floor_to_int(p.x), x[0]), x[1] = select(m, floor_to_int(p.y), x[1]);
     x[2] = select(m, floor_to_int(p.z), x[2]);
@@ -63,8 +78,6 @@ struct CellWalk {
   }
 
  private:
-  static constexpr float kThinNode = 0.25f, kDenseLeaf = 32;
-
   // Distance at which the ray leaves the cell along an axis.
   PRIMRAY_INLINE F exit(int axis) const {
     const F way = axis == 0 ? d.x : axis == 1 ? d.y : d.z, from = axis == 0 ? o.x : axis == 1 ? o.y : o.z;

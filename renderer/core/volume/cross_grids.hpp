@@ -25,7 +25,7 @@ template <int W>
 struct MediumLanes {
   vint<W> row;
   PRIMRAY_INLINE MediumLanes(const VolumeTable& v, vint<W> instance)
-      : row(gather<W>(v.medium_of.data(), instance)), base_(reinterpret_cast<const int32_t*>(v.media.data())) {}
+      : row(gather<W>(v.in_media.of.data(), instance)), base_(reinterpret_cast<const int32_t*>(v.media.data())) {}
   PRIMRAY_INLINE vint<W> grid() const { return number(0); }
   PRIMRAY_INLINE vint<W> albedo_grid() const { return number(1); }
   PRIMRAY_INLINE vint<W> albedo_shift(int axis) const { return number(2 + axis); }
@@ -41,8 +41,8 @@ struct MediumLanes {
 
 // Runs passes over `count` rays until none enters another volume. `track(tasks)` follows the tasks of a pass.
 template <int W, class Track>
-PRIMRAY_INLINE void pass_volumes(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes,
-                                 const Track& track) {
+PRIMRAY_INLINE void pass_volumes(const GridTable& grids, const VolumePlacements& placed, const VolumeRays& rays, int count,
+                                 VolumePasses& passes, const Track& track) {
   using I = vint<W>;
   for (int i = 0; i < count; i += W) {
     store(passes.left + i, lane_numbers<W>() + I(i));
@@ -58,7 +58,7 @@ PRIMRAY_INLINE void pass_volumes(const VolumeTable& volumes, const VolumeRays& r
       const vvec3<W> d{gather<W>(rays.dx, ray), gather<W>(rays.dy, ray), gather<W>(rays.dz, ray)};
       const vfloat<W> begin = rays.begin ? gather<W>(rays.begin, ray) : vfloat<W>(0.0f);
       const NextVolume<W> last{gather<W>(passes.last_instance, ray), gather<W>(passes.last_from, ray), vfloat<W>(0.0f)};
-      const NextVolume<W> next = next_volume(volumes, m, o, d, begin, gather<W>(rays.end, ray), last);
+      const NextVolume<W> next = next_volume(grids, placed, m, o, d, begin, gather<W>(rays.end, ray), last);
       const Compaction<W> c(m & (next.instance >= I(0)));
       c.append(passes.ray + passes.count, ray), c.append(passes.instance + passes.count, next.instance);
       c.append(passes.from + passes.count, next.from), c.append(passes.to + passes.count, next.to);
@@ -76,18 +76,24 @@ PRIMRAY_INLINE void pass_volumes(const VolumeTable& volumes, const VolumeRays& r
   }
 }
 
-// Returns the tracking tasks `numbers` of a pass.
+// Returns the tracking tasks `numbers` of a pass, without extinction.
 template <int W>
-PRIMRAY_INLINE TrackingTask<W> tracking_task(const VolumeTable& volumes, const VolumeRays& rays, const VolumePasses& passes,
+PRIMRAY_INLINE TrackingTask<W> tracking_task(const VolumePlacements& placed, const VolumeRays& rays, const VolumePasses& passes,
                                              vint<W> numbers) {
   const vint<W> ray = gather<W>(passes.ray, numbers), instance = gather<W>(passes.instance, numbers);
-  const GridRays<W> in_grid(volumes, instance, {gather<W>(rays.ox, ray), gather<W>(rays.oy, ray), gather<W>(rays.oz, ray)},
+  const GridRays<W> in_grid(placed, instance, {gather<W>(rays.ox, ray), gather<W>(rays.oy, ray), gather<W>(rays.oz, ray)},
                             {gather<W>(rays.dx, ray), gather<W>(rays.dy, ray), gather<W>(rays.dz, ray)});
-  const MediumLanes<W> medium(volumes, instance);
   const vuint<W> seed = bit_cast<vuint<W>>(gather<W>(reinterpret_cast<const int32_t*>(rays.number), ray));
-  return {medium.grid(),
-          {in_grid.o, in_grid.d, gather<W>(passes.from, numbers), gather<W>(passes.to, numbers), medium.extinction()},
+  return {gather<W>(placed.grid.data(), instance),
+          {in_grid.o, in_grid.d, gather<W>(passes.from, numbers), gather<W>(passes.to, numbers), vvec3<W>(vfloat<W>(0.0f))},
           seed ^ mix(bit_cast<vuint<W>>(instance) + vuint<W>(0x85ebca6bu))};
+}
+template <int W>
+PRIMRAY_INLINE TrackingTask<W> medium_task(const VolumeTable& volumes, const VolumeRays& rays, const VolumePasses& passes,
+                                           vint<W> numbers) {
+  TrackingTask<W> task = tracking_task(volumes.in_media, rays, passes, numbers);
+  task.segment.extinction = MediumLanes<W>(volumes, gather<W>(passes.instance, numbers)).extinction();
+  return task;
 }
 
 // First collisions of paths: in the arrays of their owner, by path.
@@ -101,10 +107,10 @@ struct CollisionColumns {
 template <int W>
 PRIMRAY_RARE void sample_collisions(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes,
                                     const CollisionColumns& found) {
-  pass_volumes<W>(volumes, rays, count, passes, [&](const VolumePasses& tasks) {
+  pass_volumes<W>(volumes.grids, volumes.in_media, rays, count, passes, [&](const VolumePasses& tasks) {
     const auto load = [&](vbool<W> fresh, vint<W> numbers, CollisionEvents<W>& events) {
       const vint<W> ray = gather<W>(tasks.ray, numbers);
-      const TrackingTask<W> task = tracking_task<W>(volumes, rays, tasks, numbers);
+      const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, numbers);
       events.begin(fresh, task.segment, {gather<W>(found.r, ray), gather<W>(found.g, ray), gather<W>(found.b, ray)});
       return task;
     };
@@ -138,9 +144,9 @@ PRIMRAY_RARE void sample_collisions(const VolumeTable& volumes, const VolumeRays
 template <int W>
 PRIMRAY_RARE void attenuate(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes, float* r,
                             float* g, float* b) {
-  pass_volumes<W>(volumes, rays, count, passes, [&](const VolumePasses& tasks) {
+  pass_volumes<W>(volumes.grids, volumes.in_media, rays, count, passes, [&](const VolumePasses& tasks) {
     const auto load = [&](vbool<W> fresh, vint<W> numbers, TransmittanceEvents<W>& events) {
-      const TrackingTask<W> task = tracking_task<W>(volumes, rays, tasks, numbers);
+      const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, numbers);
       events.begin(fresh, task.segment);
       return task;
     };

@@ -42,12 +42,6 @@ struct Range {
 // which the cell below along those axes reaches; entry 0 is of all.
 using FaceRanges = std::array<Range, 8>;
 
-float as_float(uint16_t half) {
-  const int exponent = half >> 10 & 31, fraction = half & 1023;
-  const float size = exponent == 0 ? std::ldexp(float(fraction), -24) : std::ldexp(float(fraction + 1024), exponent - 25);
-  return half >> 15 ? -size : size;
-}
-
 float as_float(float value) { return value; }
 
 template <class Value>

@@ -6,6 +6,7 @@
 // voxel beyond the leaf's own, which the ranges include: they bound the interpolated values exactly.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -13,6 +14,13 @@
 namespace primray {
 
 constexpr int kLeafSide = 8, kLeafVoxels = 512, kNodeLeaves = 16, kNodeSide = 128, kNodeEntries = 4096;
+
+// 16-bit float (IEEE 754 binary16).
+inline float as_float(uint16_t half) {
+  const int exponent = half >> 10 & 31, fraction = half & 1023;
+  const float size = exponent == 0 ? std::ldexp(float(fraction), -24) : std::ldexp(float(fraction + 1024), exponent - 25);
+  return half >> 15 ? -size : size;
+}
 
 // Values of a grid: of leaves (leaves, 512, channels), by voxel, z fastest, then by channel; and of tiles (tiles, channels).
 template <class Value>

@@ -24,8 +24,8 @@ struct NextVolume {
 template <int W>
 struct GridRays {
   vvec3<W> o, d;
-  PRIMRAY_INLINE GridRays(const VolumeTable& volumes, vint<W> instance, const vvec3<W>& origin, const vvec3<W>& direction) {
-    const AffineLanes<W> to(volumes.index_from_core.data(), instance * vint<W>(12));
+  PRIMRAY_INLINE GridRays(const VolumePlacements& placed, vint<W> instance, const vvec3<W>& origin, const vvec3<W>& direction) {
+    const AffineLanes<W> to(placed.index_from_core.data(), instance * vint<W>(12));
     o = to.vector(origin) + to.o, d = to.vector(direction);
   }
 };
@@ -46,15 +46,15 @@ PRIMRAY_INLINE void clip_to_grid(const GridTable::Row& row, const GridRays<W>& r
 constexpr size_t kFewVolumes = 8;
 
 // Finds the volume that one ray enters after `last` (in the order of distances, then of instances) and before `end`.
-inline NextVolume<1> next_in_hierarchy(const VolumeTable& volumes, const vvec3<1>& o, const vvec3<1>& d, float begin, float end,
-                                       const NextVolume<1>& last) {
+inline NextVolume<1> next_in_hierarchy(const GridTable& grids, const VolumePlacements& placed, const vvec3<1>& o,
+                                       const vvec3<1>& d, float begin, float end, const NextVolume<1>& last) {
   const float origin[3] = {o.x[0], o.y[0], o.z[0]}, way[3] = {d.x[0], d.y[0], d.z[0]};
   NextVolume<1> found{vint<1>(-1), vfloat<1>(end), vfloat<1>(end)};
   int32_t stack[64];
   int size = 0;
   stack[size++] = 0;
   while (size > 0) {
-    const VolumeTable::Node& node = volumes.nodes[size_t(stack[--size])];
+    const VolumePlacements::Node& node = placed.nodes[size_t(stack[--size])];
     float from = begin, to = found.from[0];
     for (int a = 0; a < 3; ++a) {
       const float inverse = 1.0f / (std::fabs(way[a]) < 1e-18f ? std::copysign(1e-18f, way[a]) : way[a]);
@@ -68,10 +68,10 @@ inline NextVolume<1> next_in_hierarchy(const VolumeTable& volumes, const vvec3<1
       continue;
     }
     for (int32_t k = node.first; k < node.first + node.count; ++k) {
-      const int32_t i = volumes.order[size_t(k)];
-      const GridTable::Row& row = volumes.grids.rows[size_t(volumes.media[size_t(volumes.medium_of[size_t(i)])].grid)];
+      const int32_t i = placed.order[size_t(k)];
+      const GridTable::Row& row = grids.rows[size_t(placed.grid[size_t(i)])];
       vfloat<1> enters(begin), leaves(end);
-      clip_to_grid(row, GridRays<1>(volumes, vint<1>(i), o, d), enters, leaves);
+      clip_to_grid(row, GridRays<1>(placed, vint<1>(i), o, d), enters, leaves);
       const float t = enters[0], of_last = last.from[0];
       const bool after = last.instance[0] < 0 || t > of_last || (t == of_last && i > last.instance[0]);
       const bool before = t < found.from[0] || (t == found.from[0] && found.instance[0] >= 0 && i < found.instance[0]);
@@ -83,12 +83,12 @@ inline NextVolume<1> next_in_hierarchy(const VolumeTable& volumes, const vvec3<1
 
 // Finds the volumes that rays of lanes `m` enter after `last` and before `end`.
 template <int W>
-PRIMRAY_RARE NextVolume<W> next_volume(const VolumeTable& volumes, vbool<W> m, const vvec3<W>& o, const vvec3<W>& d,
-                                       vfloat<W> begin, vfloat<W> end, const NextVolume<W>& last) {
+PRIMRAY_RARE NextVolume<W> next_volume(const GridTable& grids, const VolumePlacements& placed, vbool<W> m, const vvec3<W>& o,
+                                       const vvec3<W>& d, vfloat<W> begin, vfloat<W> end, const NextVolume<W>& last) {
   using F = vfloat<W>;
   using I = vint<W>;
   NextVolume<W> found{I(-1), end, end};
-  if (volumes.medium_of.size() > kFewVolumes) {
+  if (placed.size() > kFewVolumes) {
     alignas(64) int32_t instance[W];
     alignas(64) float from[W], to[W];
     for (int k = 0; k < W; ++k) {
@@ -96,16 +96,16 @@ PRIMRAY_RARE NextVolume<W> next_volume(const VolumeTable& volumes, vbool<W> m, c
       if (!m[k]) continue;
       const vvec3<1> origin{vfloat<1>(o.x[k]), vfloat<1>(o.y[k]), vfloat<1>(o.z[k])};
       const vvec3<1> way{vfloat<1>(d.x[k]), vfloat<1>(d.y[k]), vfloat<1>(d.z[k])};
-      const NextVolume<1> one = next_in_hierarchy(volumes, origin, way, begin[k], end[k],
+      const NextVolume<1> one = next_in_hierarchy(grids, placed, origin, way, begin[k], end[k],
                                                   {vint<1>(last.instance[k]), vfloat<1>(last.from[k]), vfloat<1>(0.0f)});
       instance[k] = one.instance[0], from[k] = one.from[0], to[k] = one.to[0];
     }
     return {load<W>(instance), load<W>(from), load<W>(to)};
   }
-  for (int32_t i = 0; i < int32_t(volumes.medium_of.size()); ++i) {
-    const GridTable::Row& row = volumes.grids.rows[size_t(volumes.media[size_t(volumes.medium_of[size_t(i)])].grid)];
+  for (int32_t i = 0; i < int32_t(placed.size()); ++i) {
+    const GridTable::Row& row = grids.rows[size_t(placed.grid[size_t(i)])];
     F from = begin, to = end;
-    clip_to_grid(row, GridRays<W>(volumes, I(i), o, d), from, to);
+    clip_to_grid(row, GridRays<W>(placed, I(i), o, d), from, to);
     const vbool<W> after = (last.instance < I(0)) | (from > last.from) | ((from == last.from) & (I(i) > last.instance));
     const vbool<W> is = m & (from < to) & after & (from < found.from);
     found.instance = select(is, I(i), found.instance), found.from = select(is, from, found.from);

@@ -67,6 +67,7 @@ struct CollisionEvents {
     is_gray = (k.x == most) & (k.y == most) & (k.z == most);
     happens &= !fresh, t = select(fresh, s.to, t);
   }
+  PRIMRAY_INLINE CellSizes<W> cell_sizes() const { return CellSizes<W>::by_depth(most); }
   PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return walk.high * most; }
   // Returns the lanes of `event` that end at distance `at`.
   PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
@@ -112,6 +113,7 @@ struct TransmittanceEvents {
     k = select(fresh, s.extinction, k), most = max_component(k), share = k * (1.0f / max(most, 1e-30f));
     ratio = select(fresh, vvec3<W>(F(1.0f)), ratio), control = select(fresh, F(0.0f), control);
   }
+  PRIMRAY_INLINE CellSizes<W> cell_sizes() const { return CellSizes<W>::by_depth(most); }
   PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return (walk.high - walk.low) * most; }
   PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
     const VoxelChoice<W> near(walk.in_cell(at), numbers.voxel());
@@ -178,7 +180,7 @@ PRIMRAY_INLINE LaneSteps follow_segments(const GridTable& table, int count, cons
       grid_number = select(fresh, t.grid, grid_number);
       grid = GridRows<W>(table, grid_number);
       numbers.seed = select(fresh, t.seed, numbers.seed), numbers.event = select(fresh, I(0), numbers.event);
-      walk.begin(grid, fresh, t.segment.o, t.segment.d, t.segment.from, t.segment.to, max_component(t.segment.extinction));
+      walk.begin(grid, fresh, t.segment.o, t.segment.d, t.segment.from, t.segment.to, events.cell_sizes());
       depth = select(fresh, numbers.exponential(), depth);
       const B empty = fresh & !(walk.end > walk.t);
       if (any(empty)) store(empty, task, events);

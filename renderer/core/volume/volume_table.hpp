@@ -1,5 +1,5 @@
-// Volumes of a scene: media in grids, and where they are. Each medium may be placed many times. Overlapping media are
-// independent: their extinctions add.
+// Volumes of a scene: media and emission in grids, and where they are. Each may be placed many times. Overlapping volumes are
+// independent: their extinctions and emissions add.
 #pragma once
 
 #include <span>
@@ -20,6 +20,35 @@ struct MediumInput {
   std::span<const double> world_from_index;  // 12 numbers by instance: rows of a 3x4 matrix
 };
 
+// Emission of a volume as the builder receives it.
+struct VolumeEmissionInput {
+  int grid = -1;                    // of one channel or three
+  vec3 emission{1.0f, 1.0f, 1.0f};  // radiance per unit of the grid's values and of the scene's lengths; not times extinction
+  std::span<const double> world_from_index;
+};
+
+// Instances of media, or of emission.
+struct VolumePlacements {
+  std::vector<int32_t> of;             // by instance: the row of its medium or emission
+  std::vector<int32_t> grid;           // by instance
+  std::vector<float> index_from_core;  // 12 floats by instance: columns x, y, z, origin
+  std::vector<Box> boxes;              // by instance, in the core's space
+
+  // Hierarchy of the boxes. Children of an inner node are adjacent.
+  struct Node {
+    float low[3], high[3];
+    int32_t first, count;  // range of `order`; count 0: inner, and `first` is its first child
+  };
+  std::vector<Node> nodes;
+  std::vector<int32_t> order;
+
+  bool any() const { return !of.empty(); }
+  size_t size() const { return of.size(); }
+  void add(int32_t row, int32_t grid_number, const GridTable::Row& bounds, const daffine& core_from_grid);
+  // Builds the hierarchy.
+  void finish();
+};
+
 struct VolumeTable {
   GridTable grids;
   std::vector<dvec3> first_voxels;  // by grid: the voxel at the origin of its coordinates, which are small numbers then
@@ -32,30 +61,43 @@ struct VolumeTable {
     float anisotropy;
   };
   std::vector<Medium> media;
-  std::vector<int32_t> medium_of;      // by instance
-  std::vector<float> index_from_core;  // 12 floats by instance: columns x, y, z, origin
-  static_assert(sizeof(Medium) == 12 * sizeof(int32_t));
+  VolumePlacements in_media;
 
-  // Hierarchy of the boxes of instances, in the core's space. Children of an inner node are adjacent.
-  struct Node {
-    float low[3], high[3];
-    int32_t first, count;  // range of `order`; count 0: inner, and `first` is its first child
+  // Emission, of which points are sampled by the greatest value of the cell that they are in, times its volume.
+  struct Emission {
+    int32_t grid, first_cell, cells;  // range of `cells`
+    float radiance[3];                // per unit of value and of the core's lengths
   };
-  std::vector<Node> nodes;
-  std::vector<int32_t> order;
+  struct Cell {
+    int32_t low[3], side;  // in voxels
+    float most;            // greatest value
+  };
+  std::vector<Emission> emissions;
+  std::vector<Cell> cells;
+  std::vector<float> cell_cdf;  // by cell: sum of those up to it, in parts of the emission's; the last one's is 1
+  VolumePlacements in_emissions;
+  // By instance of emission: events per unit of value and of the core's lengths (tracking_emission.hpp); density of points that
+  // light sampling finds, by volume in the core's space and relative to the rate of events there; the light's row, or -1; and
+  // where it is: 12 floats.
+  std::vector<float> event_rate, relative_density;
+  std::vector<int32_t> light_of;
+  std::vector<float> core_from_grid;
+  std::vector<int32_t> instance_of_light;  // by light's row; -1: no volume
 
-  bool any() const { return !medium_of.empty(); }
+  bool any() const { return in_media.any() || in_emissions.any(); }
   int64_t memory_bytes() const;
   // Adds a grid and returns its number.
   int add_grid(GridInput grid);
-  // Adds a medium, for a scene that is recentred and scaled by `core_from_world`. Returns the instances that are left out
-  // because their matrix is singular or not finite.
+  // Add a medium or emission, for a scene that is recentred and scaled by `core_from_world`. They return the instances that are
+  // left out because their matrix is singular or not finite.
   std::vector<int64_t> add_medium(const MediumInput& input, const daffine& core_from_world, double scale);
-  // Builds the hierarchy.
-  void finish();
+  std::vector<int64_t> add_emission(const VolumeEmissionInput& input, const daffine& core_from_world, double scale);
+  void finish() { in_media.finish(), in_emissions.finish(); }
+  // Integral over its space of the radiance that an instance emits per length, in the core's lengths.
+  dvec3 emitted_intensity(size_t instance) const;
 
  private:
-  std::vector<Box> boxes_;  // by instance
+  void list_cells(Emission& emission);
 };
 
 }  // namespace primray

@@ -200,6 +200,8 @@ class LightType(enum.Enum):
 
     GEOMETRY = 7
 
+    VOLUME = 9
+
 class DomeFormat(enum.Enum):
     LAT_LONG = 0
 
@@ -396,6 +398,7 @@ class SceneBuilder:
         channels: int = 1,
     ) -> int: ...
     def add_medium(self, arg: MediumInput, /) -> Annotated[NDArray[numpy.int64], {"shape": (None,)}]: ...
+    def add_volume_emission(self, arg: VolumeEmissionInput, /) -> Annotated[NDArray[numpy.int64], {"shape": (None,)}]: ...
     def set_camera(self, arg: CameraInput, /) -> None: ...
 
 def pattern_operations() -> list[str]: ...
@@ -852,6 +855,17 @@ class MediumInput:
     extinction: Sequence[float]
 
     albedo: Sequence[float]
+
+    world_from_index: NDArray[numpy.float64]
+
+class VolumeEmissionInput:
+    def __init__(self) -> None: ...
+    @property
+    def grid(self) -> int: ...
+    @grid.setter
+    def grid(self, arg: int, /) -> None: ...
+
+    emission: Sequence[float]
 
     world_from_index: NDArray[numpy.float64]
 

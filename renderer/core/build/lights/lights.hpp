@@ -30,6 +30,9 @@ LightBox light_box(const float* row);
 // Bounds of any light for a tree, including the box; the intensity is in the units of light_importance().
 LightBounds light_bounds(const LightTable& table, const float* row);
 
+// Adds a light for each instance of emission in volumes (light/types/volume.hpp); after all others.
+void add_volume_lights(Scene& scene);
+
 // Builds light trees for scenes with too many lights to weigh each at every vertex.
 void build_light_choice(LightTable& table);
 

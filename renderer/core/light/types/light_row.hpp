@@ -15,7 +15,7 @@
 namespace primray {
 
 // Values of a row's kType. Of its other fields kImage, kLightFlags, kShaping and those below are integers.
-enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome, kMesh, kLine };
+enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome, kMesh, kLine, kVolume };
 
 enum LightField : int {
   kType,

@@ -10,6 +10,7 @@
 #include "light/types/point.hpp"
 #include "light/types/rect.hpp"
 #include "light/types/sphere.hpp"
+#include "light/types/volume.hpp"
 
 namespace primray {
 
@@ -25,8 +26,8 @@ struct LightTypeList {
   }
 };
 
-using LightTypes =
-    LightTypeList<SphereLight, DiskLight, RectLight, CylinderLight, DistantLight, PointLight, LineLight, DomeLight, MeshLight>;
+using LightTypes = LightTypeList<SphereLight, DiskLight, RectLight, CylinderLight, DistantLight, PointLight, LineLight,
+                                 DomeLight, MeshLight, VolumeLight>;
 
 template <class T>
 concept HittableLightType = requires(LightRow<1> row, vvec3<1> v) { T::hit(row, v, v, v); };

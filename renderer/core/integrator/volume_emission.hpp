@@ -1,0 +1,118 @@
+// Stage of a round in scenes with emission in volumes: adds what paths gather along their rays, up to where these end.
+#pragma once
+
+#include "integrator/emission.hpp"
+#include "integrator/lpe_light.hpp"
+#include "integrator/media.hpp"
+#include "integrator/round.hpp"
+#include "light/sampler/selection.hpp"
+#include "volume/tracking_emission.hpp"
+
+namespace primray {
+
+// Returns where rays end that see lights as bodies: at the nearest, if it is before `end`.
+template <int W>
+PRIMRAY_RARE vfloat<W> end_at_bodies(const Round& round, vbool<W> sees_body, const PathLanes<W>& p, vfloat<W> end) {
+  vvec3<W> ignored(vfloat<W>(0.0f));
+  const vbool<W> hit = end < vfloat<W>(kInfinity);
+  const LightHits<W> seen = intersect_lights(round.scene.lights, sees_body, hit, p, end, ignored);
+  return select(seen.covered, min(end, seen.nearest), end);
+}
+
+// Begins the events of rays `ray` in the emission of `instance`, in lanes `fresh`.
+template <int W>
+PRIMRAY_INLINE void begin_emission(const Round& round, vbool<W> fresh, vint<W> ray, vint<W> instance,
+                                   EmissionEvents<W>& events) {
+  using F = vfloat<W>;
+  using I = vint<W>;
+  const VolumeTable& volumes = *round.scene.volumes;
+  const PathPool& pool = *round.worker.pool;
+  const LightTable& lights = round.scene.lights;
+  const I row = gather<W>(volumes.in_emissions.of.data(), instance) * I(6);
+  const float* rows = reinterpret_cast<const float*>(volumes.emissions.data());
+  events.radiance =
+      select(fresh, {gather<W>(rows + 3, row), gather<W>(rows + 4, row), gather<W>(rows + 5, row)}, events.radiance);
+  events.sum = select(fresh, vvec3<W>(F(0.0f)), events.sum);
+  events.per_value = select(fresh, gather<W>(volumes.event_rate.data(), instance), events.per_value);
+  const F pdf = gather<W>(pool.bsdf_pdf, ray), travelled = round.needs.travelled ? gather<W>(pool.travelled, ray) : F(0.0f);
+  events.scattered_pdf = select(fresh, pdf, events.scattered_pdf);
+  events.travelled = select(fresh, travelled, events.travelled);
+
+  // Find the density of light samples
+  const I light = gather<W>(volumes.light_of.data(), instance);
+  const vbool<W> sampled = fresh & (pdf > F(0.0f)) & (light >= I(0));
+  F relative(0.0f);
+  if (any(sampled)) {
+    const vvec3<W> d{gather<W>(pool.dx, ray), gather<W>(pool.dy, ray), gather<W>(pool.dz, ray)};
+    const vvec3<W> from = vvec3<W>(gather<W>(pool.ox, ray), gather<W>(pool.oy, ray), gather<W>(pool.oz, ray)) - d * travelled;
+    vvec3<W> normal(F(0.0f));
+    if (round.needs.normals) normal = {gather<W>(pool.nx, ray), gather<W>(pool.ny, ray), gather<W>(pool.nz, ray)};
+    const I number = select(sampled, light, I(light[__builtin_ctz(bits(sampled))]));
+    const F chosen = lights.links.any() ? linked_probability_of(lights, number, sampled, from, normal,
+                                                                round.needs.links ? gather<W>(pool.link, ray) : I(kUnlinkedRow))
+                                        : probability_of(lights, number, sampled, from, normal);
+    relative = select(sampled, chosen * gather<W>(volumes.relative_density.data(), instance), relative);
+  }
+  events.relative = select(fresh, relative, events.relative);
+
+  // Find the medium around
+  if (round.follows_media()) {
+    vvec3<W> around(F(0.0f));
+    for (uint32_t b = bits(fresh); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      const Medium<1> medium = round.worker.medium_states->pool->template at<1>(ray[i]).medium(round.scene);
+      around.x.set(i, medium.extinction.x[0]), around.y.set(i, medium.extinction.y[0]), around.z.set(i, medium.extinction.z[0]);
+    }
+    events.around = select(fresh, around, events.around);
+  }
+}
+
+// Adds the emission along the rays of all paths of the pool, whose ends are those of VolumeState.
+template <int W>
+PRIMRAY_RARE void gather_volume_emission(Round& round) {
+  using F = vfloat<W>;
+  const VolumeTable& volumes = *round.scene.volumes;
+  const PathPool& pool = *round.worker.pool;
+  VolumeState& state = *round.worker.volumes;
+  for (int at = 0; at < pool.count; at += W) {
+    const vbool<W> active = lane_numbers<W>() < vint<W>(pool.count - at);
+    for (float* sums : state.emission) store(sums + at, F(0.0f));
+    if (!round.scene.lights.needs_hit_test) continue;
+    const PathLanes<W> p = pool.paths<W>(at, round.needs);
+    if (const vbool<W> sees_body = active & (p.bsdf_pdf == F(0.0f)); any(sees_body))
+      store(state.end + at, end_at_bodies(round, sees_body, p, load<W>(state.end + at)));
+  }
+  const VolumeRays rays{pool.ox, pool.oy, pool.oz, pool.dx, pool.dy, pool.dz, pool.tnear, state.end, state.number};
+  pass_volumes<W>(volumes.grids, volumes.in_emissions, rays, pool.count, state.passes, [&](const VolumePasses& tasks) {
+    const auto load = [&](vbool<W> fresh, vint<W> numbers, EmissionEvents<W>& events) {
+      begin_emission(round, fresh, gather<W>(tasks.ray, numbers), gather<W>(tasks.instance, numbers), events);
+      TrackingTask<W> task = tracking_task<W>(volumes.in_emissions, rays, tasks, numbers);
+      task.seed = mix(task.seed ^ vuint<W>(0x2545f491u));
+      return task;
+    };
+    const auto store = [&](vbool<W> done, vint<W> numbers, const EmissionEvents<W>& events) {
+      for (uint32_t b = bits(done); b; b &= b - 1) {
+        const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
+        state.emission[0][ray] += events.sum.x[i], state.emission[1][ray] += events.sum.y[i];
+        state.emission[2][ray] += events.sum.z[i];
+      }
+    };
+    return follow_segments<W, EmissionEvents<W>>(volumes.grids, tasks.count, load, store);
+  });
+  for (int at = 0; at < pool.count; at += W) {
+    const vbool<W> active = lane_numbers<W>() < vint<W>(pool.count - at);
+    const PathLanes<W> p = pool.paths<W>(at, round.needs);
+    vvec3<W> gathered{load<W>(state.emission[0] + at), load<W>(state.emission[1] + at), load<W>(state.emission[2] + at)};
+    const vbool<W> shines = active & (max_component(gathered) > F(0.0f));
+    if (!any(shines)) continue;
+    if (round.follows_media()) gathered = gathered * radiance_scale_at<W>(round, at);
+    if (PathLog* const log = path_log<W>(round)) log->add("gathered", p).put("radiance", gathered);
+    add_to_slots(round, shines, sum_of(round, p.slot, p.depth), p.beta * gathered);
+    if (round.needs.lpe) {
+      record_emission(*round.worker.lpe, shines, vint<W>(kEndObject), gathered, LobeFactors());
+      add_recorded(round, p, p.beta);
+    }
+  }
+}
+
+}  // namespace primray

@@ -1,0 +1,48 @@
+// Emission along rays through grids. Events occur at a rate that is proportional to the greatest value of the cell, and each
+// adds the emission there by the rate: the mean of the sum is the integral along the ray. Where light sampling could have found
+// the point, events are weighted by MIS: their density per solid angle and length is that of the ray's direction times the
+// rate, the light sample's is c r^2 times the rate (light/sampler/volume_point.hpp), so the rate cancels.
+//
+// Where it could not, as on camera rays, the least value of a cell is integrated, and events are of the rest alone.
+#pragma once
+
+#include "volume/tracking.hpp"
+
+namespace primray {
+
+template <int W>
+struct EmissionEvents {
+  using F = vfloat<W>;
+  using B = vbool<W>;
+  vvec3<W> radiance{F(0.0f)};  // per unit of value and length
+  vvec3<W> around{F(0.0f)};    // extinction of the homogeneous medium that the ray is in
+  F per_value{0.0f};           // rate of events by the cell's greatest value
+  F scattered_pdf{0.0f};       // of the ray's direction
+  F relative{0.0f};            // density of light samples by squared distance, relative to that of events; 0: there are none
+  F travelled{0.0f};           // distance from the vertex that samples lights to the ray's origin
+  vvec3<W> sum{F(0.0f)};
+
+  PRIMRAY_INLINE CellSizes<W> cell_sizes() const { return CellSizes<W>::leaves(); }
+  PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return (walk.high - least(walk)) * per_value; }
+  PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
+    const VoxelChoice<W> near(walk.in_cell(at), numbers.voxel());
+    const F low = least(walk), r = travelled + at, other = relative * r * r / max(scattered_pdf, 1e-30f);
+    const F weight = select(relative > F(0.0f), 1.0f / (1.0f + other * other), F(1.0f));
+    const vvec3<W> value = grid.color(near.x, near.y, near.z) - vvec3<W>(low);
+    const vvec3<W> left{exp_of_minus(around.x * at), exp_of_minus(around.y * at), exp_of_minus(around.z * at)};
+    const F scale = weight / max((walk.high - low) * per_value, 1e-30f);
+    sum = select(event, sum + radiance * value * left * scale, sum);
+    return B(false);
+  }
+  PRIMRAY_INLINE void pass(B lanes, const CellWalk<W>& walk, F to) {
+    sum = select(lanes, sum + radiance * (least(walk) * (to - walk.t)), sum);
+  }
+
+ private:
+  // Value that is integrated.
+  PRIMRAY_INLINE F least(const CellWalk<W>& walk) const {
+    return select((relative > F(0.0f)) | (max_component(around) > F(0.0f)), F(0.0f), walk.low);
+  }
+};
+
+}  // namespace primray
