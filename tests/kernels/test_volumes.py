@@ -111,6 +111,12 @@ def test_values_are_those_of_the_voxels(is_half: bool) -> None:
         assert (grid.table(is_half).voxels(0, places, lanes) == wanted).all()
 
 
+@pytest.mark.parametrize("is_half", [False, True])
+def test_ranges_are_those_of_the_voxels(is_half: bool) -> None:
+    greatest = cloud().voxels.max()
+    assert cloud().table(is_half).range(0) == (0.0, np.float16(greatest) if is_half else greatest)
+
+
 def test_halves_are_exact_denormals_too() -> None:
     finite = np.arange(31 << 10, dtype=np.uint16)
     halves = np.concatenate([finite, finite | 0x8000])
@@ -123,11 +129,12 @@ def test_halves_are_exact_denormals_too() -> None:
 
 
 @pytest.mark.parametrize("grid", [cloud(), checker()], ids=["cloud", "checker"])
+@pytest.mark.parametrize("is_half", [False, True])
 @pytest.mark.parametrize(("origin", "direction", "extinction"), RAYS)
-def test_transmittance_and_distances(grid: Dense, origin: Any, direction: Any, extinction: float) -> None:
+def test_transmittance_and_distances(grid: Dense, origin: Any, direction: Any, extinction: float, is_half: bool) -> None:
     distances, depth = grid.depth(np.array(origin), np.array(direction), 150.0)
     passes = np.exp(-extinction * depth[-1])
-    transmittance, (happens, t, _), _ = estimates(grid.table(), origin, direction, 150.0, extinction * np.array(GRAY))
+    transmittance, (happens, t, _), _ = estimates(grid.table(is_half), origin, direction, 150.0, extinction * np.array(GRAY))
     error = max(transmittance[:, 0].std() / np.sqrt(len(t)), 1e-6)
     assert abs(transmittance[:, 0].mean() - passes) < 4.5 * error + 1e-5 * passes
     assert transmittance.min() >= 0.0

@@ -16,7 +16,7 @@ struct CellSizes {
 
   // `per_value`: optical depth per unit of value and distance.
   static PRIMRAY_INLINE CellSizes by_depth(vfloat<W> per_value) {
-    constexpr float kThinNode = 0.25f, kDenseLeaf = 32;
+    constexpr float kThinNode = 0.25f, kDenseLeaf = 256;
     const vfloat<W> unit = 1.0f / max(per_value, 1e-30f);
     return {kThinNode * unit, kDenseLeaf * unit};
   }

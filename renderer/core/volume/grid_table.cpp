@@ -42,8 +42,6 @@ struct Range {
 // which the cell below along those axes reaches; entry 0 is of all.
 using FaceRanges = std::array<Range, 8>;
 
-float as_float(float value) { return value; }
-
 template <class Value>
 FaceRanges face_ranges(int channels, const Value& value) {
   std::array<Range, 8> of;  // by which coordinates are 0

@@ -21,6 +21,7 @@ inline float as_float(uint16_t half) {
   const float size = exponent == 0 ? std::ldexp(float(fraction), -24) : std::ldexp(float(fraction + 1024), exponent - 25);
   return half >> 15 ? -size : size;
 }
+inline float as_float(float value) { return value; }
 
 // Values of a grid: of leaves (leaves, 512, channels), by voxel, z fastest, then by channel; and of tiles (tiles, channels).
 template <class Value>
