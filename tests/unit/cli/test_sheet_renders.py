@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from tests.sanitized import limits_memory
 
 from primray.cli import run, sheet_pictures, sheet_renders
 from primray.cli.sheet_pictures import _fits, _lines, contact_sheet, reason
@@ -95,6 +96,7 @@ def read(path: Path) -> np.ndarray:
     return np.asarray(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT))
 
 
+@limits_memory
 def test_a_shot_in_one_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The ball is larger in frame 2, smaller from afar, blue in the second half; a camera that is not there says so."""
     (tmp_path / "shot.usda").write_text(STAGE)
@@ -125,6 +127,7 @@ def test_a_shot_in_one_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str
         assert cells[row, 0].max() > 0.8  # words
 
 
+@limits_memory
 def test_a_page_of_a_shot_and_further_flags(tmp_path: Path) -> None:
     (tmp_path / "shot.usda").write_text(STAGE)
     out = tmp_path / "sheet.html"

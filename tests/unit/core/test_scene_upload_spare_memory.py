@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+from tests.sanitized import limits_memory
+
 CODE = """
 import re
 import numpy as np
@@ -32,5 +34,6 @@ give_back()
 """
 
 
+@limits_memory
 def test_pages_go_and_come_again() -> None:
     subprocess.run([sys.executable, "-c", CODE], check=True)

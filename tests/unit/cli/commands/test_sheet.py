@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.sanitized import limits_memory
 
 from primray.cli import run
 from primray.cli.sheet_pictures import page
@@ -41,6 +42,7 @@ def sheet(folder: Path, *options: str) -> tuple[int, dict[str, Any], str]:
     return code, {row["stage"]: row for row in json.loads(out.with_suffix(".json").read_text())}, out.read_text()
 
 
+@limits_memory
 def test_a_folder_on_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "assets"
     (folder / "deeper").mkdir(parents=True)
@@ -75,6 +77,7 @@ def test_a_folder_on_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "camera-automatic" in text
 
 
+@limits_memory
 def test_what_takes_too_long_or_too_much_fails_the_sheet(tmp_path: Path) -> None:
     folder = tmp_path / "assets"
     folder.mkdir()
@@ -105,6 +108,7 @@ def test_the_page_escapes_what_stages_say() -> None:
     assert "&lt;b&gt;.usda" in text
 
 
+@limits_memory
 def test_further_flags_win_and_are_checked_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "assets"
     folder.mkdir()
