@@ -46,6 +46,10 @@ def fingerprint_of(description: SceneDescription, textures: TextureSet, parts: C
 
 def _part(description: SceneDescription, name: str) -> Any:
     values = tuple(getattr(description, field) for field in PARTS[name])
+    if (
+        name == "geometry" and description.volumes
+    ):  # scenes without volumes have the digests that they had before there were any
+        values += (description.media, description.volume_emissions)
     return values[0] if len(values) == 1 else values
 
 

@@ -27,6 +27,7 @@ from ..description import (
 )
 from ..description.motion import handed_over
 from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
+from ..description.volumes import volume_boxes
 from ..lens.distortion import Distortion
 from . import compiled
 from .inputs import filled
@@ -106,6 +107,10 @@ def upload_scene(
         placements.add(proto.placements, numbers[i], center, unit)
     placements.add(d.placements, 0, origin, scale)
     lights.add(d.lights, textures)
+    if d.volumes:  # imported here, since most scenes have none
+        from .volume_upload import VolumeUpload
+
+        VolumeUpload(builder, warnings).add(d.media, d.volume_emissions)
     if d.exposure is not None:
         builder.set_exposure(*d.exposure.shutter, d.exposure.frame)
         builder.set_rolling_shutter(*d.exposure.rolling)
@@ -340,7 +345,8 @@ def boxes_of_prototypes(d: SceneDescription, boxes: Doubles) -> list[Box]:
 
 
 def world_boxes(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box]) -> Box:
-    """Return low and high corners (N, 3) of the shapes, then the placements, in the world; one box for each placement."""
+    """Return low and high corners (N, 3) of the shapes, then the placements, then the volumes, in the world; one box for each
+    placement and each volume."""
     found: list[Box] = [(np.zeros((0, 3)), np.zeros((0, 3)))]
     with np.errstate(invalid="ignore", over="ignore"):
         if d.static:
@@ -349,6 +355,8 @@ def world_boxes(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box])
         found += [
             (low[None], high[None]) for low, high in (placed_box(p.levels, prototype_boxes[p.prototype]) for p in d.placements)
         ]
+        if len(volumes := volume_boxes(d.volumes)):
+            found.append((volumes[:, 0], volumes[:, 1]))
     return np.concatenate([low for low, _ in found]), np.concatenate([high for _, high in found])
 
 
@@ -365,7 +373,8 @@ def scene_extent(d: SceneDescription, low: Doubles, high: Doubles, origin: npt.N
         reach = float(np.fmax.reduce(found, initial=0.0))
         if not np.isfinite(reach):
             return 0.0
-        usual = [*found[: len(d.static)], *(_usual_distance(p, origin) for p in d.placements)]
+        volumes = found[len(d.static) + len(d.placements) :]
+        usual = [*found[: len(d.static)], *(_usual_distance(p, origin) for p in d.placements), *volumes]
         return min(reach, OUTLYING * min((r for r in usual if r > 0), default=reach))
 
 

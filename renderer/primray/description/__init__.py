@@ -42,6 +42,7 @@ from .shading import (
     TextureInput,
     Wrap,
 )
+from .volumes import VolumeEmission, VolumeMedium
 
 __all__ = [
     "AovRequest",
@@ -97,5 +98,7 @@ __all__ = [
     "TextureFile",
     "TextureInput",
     "TrimCurve",
+    "VolumeEmission",
+    "VolumeMedium",
     "Wrap",
 ]

@@ -19,6 +19,7 @@ from .motion import CameraMotion, Exposure, MotionSteps
 from .picture_file import PLAIN, PictureFile
 from .placement import Placement
 from .shading import Surface
+from .volumes import VolumeEmission, VolumeMedium
 
 
 @dataclass(frozen=True, slots=True)  # there may be millions
@@ -69,6 +70,12 @@ class SceneDescription:
     # Surfaces emit and there are no lights: a small test render decides whether a studio light is added
     # (staging.py).
     may_need_light: bool = False
+    media: tuple[VolumeMedium, ...] = ()  # volumes of voxels; their extinctions add where they overlap
+    volume_emissions: tuple[VolumeEmission, ...] = ()  # light of voxels
+
+    @property
+    def volumes(self) -> tuple[VolumeMedium | VolumeEmission, ...]:
+        return (*self.media, *self.volume_emissions)
 
     @property
     def frame(self) -> Frame:

@@ -128,6 +128,8 @@ def summary(
         "instances": stored * INSTANCE_BYTES + placement_bytes,
         "film": width * height * PIXEL_BYTES,
     }
+    if description.volumes:
+        parts["volumes"] = _grid_bytes(description)
     memory = sum(parts.values())
     return Summary(
         camera=description.camera.path,
@@ -147,6 +149,13 @@ def summary(
         process_bytes=PROCESS_BYTES + max(memory, VIEW_BYTES),
         memory_parts=parts,
     )
+
+
+def _grid_bytes(description: SceneDescription) -> int:
+    """Return the bytes of the grids of volumes, of which the core has copies."""
+    grids = {id(volume.grid): volume.grid for volume in description.volumes}
+    grids |= {id(medium.albedo_grid): medium.albedo_grid for medium in description.media if medium.albedo_grid is not None}
+    return 2 * sum(grid.nbytes for grid in grids.values())
 
 
 def _image_bytes(images: Sequence[ImageSize], pixels: int) -> tuple[int, int]:

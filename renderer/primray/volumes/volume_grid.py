@@ -53,6 +53,22 @@ class VolumeGrid:
         """How many numbers a value has: 1 or 3."""
         return 3 if self.background.ndim else 1
 
+    @property
+    def nbytes(self) -> int:
+        return self.leaf_values.nbytes + self.leaf_origins.nbytes + self.tile_values.nbytes + self.tile_origins.nbytes
+
+    @cached_property
+    def support(self) -> Doubles | None:
+        """The box (2, 3) in index space outside of which interpolation gives 0, for a background of 0; None: all is 0."""
+        axes = tuple(range(1, self.leaf_values.ndim))
+        leaves = self.leaf_origins[self.leaf_values.any(axis=axes)]
+        tiles = self.tile_values.reshape(len(self.tile_values), self.width).any(axis=1)
+        origins = np.concatenate([leaves, self.tile_origins[tiles]]).astype(np.float64)
+        if not len(origins):
+            return None
+        sizes = np.concatenate([np.full(len(leaves), LEAF), self.tile_sizes[tiles]])
+        return np.array([origins.min(axis=0) - 1, (origins + sizes[:, None]).max(axis=0)])
+
     def values_at(self, voxels: npt.NDArray[Any]) -> Floats:
         """Return the values (n,) or (n, 3) of voxels (n, 3)."""
         voxels = voxels.astype(np.int64)

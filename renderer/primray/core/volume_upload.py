@@ -1,0 +1,77 @@
+"""Upload of volumes: grids of voxels, each once, media in them, and the light that they emit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..description import VolumeEmission, VolumeMedium
+from ..volumes.volume_grid import VolumeGrid
+from . import compiled
+from .inputs import filled
+
+
+class VolumeUpload:
+    """Uploads volumes to a builder; instances that are left out are reported in `warnings`."""
+
+    def __init__(self, builder: compiled.SceneBuilder, warnings: list[tuple[str, str, str]]) -> None:
+        self._builder, self._warnings = builder, warnings
+        self._numbers: dict[int, int] = {}  # the core's number of a grid, by identity
+
+    def add(self, media: Sequence[VolumeMedium], emissions: Sequence[VolumeEmission]) -> None:
+        for medium in media:
+            made = filled(
+                compiled.MediumInput(),
+                grid=self._grid(medium.grid),
+                albedo_grid=-1 if medium.albedo_grid is None else self._grid(medium.albedo_grid),
+                extinction=medium.extinction,
+                albedo=medium.albedo,
+                anisotropy=medium.anisotropy,
+                world_from_index=_rows(medium.matrices),
+            )
+            self._note(medium.path, len(self._builder.add_medium(made)))
+        for emission in emissions:
+            glow = filled(
+                compiled.VolumeEmissionInput(),
+                grid=self._grid(emission.grid),
+                emission=emission.emission,
+                world_from_index=_rows(emission.matrices),
+            )
+            self._note(emission.path, len(self._builder.add_volume_emission(glow)))
+
+    def _grid(self, grid: VolumeGrid) -> int:
+        number = self._numbers.get(id(grid))
+        if number is None:
+            width = grid.width
+            leaves: npt.NDArray[Any] = grid.leaf_values.reshape(len(grid.leaf_origins), 512 * width)
+            tiles: npt.NDArray[Any] = grid.tile_values.reshape(len(grid.tile_origins), width)
+            if leaves.dtype == np.float16:
+                with np.errstate(over="ignore"):
+                    halves = tiles.astype(np.float16)
+                if np.isfinite(halves).all():
+                    leaves, tiles = leaves.view(np.uint16), halves.view(np.uint16)
+                else:
+                    leaves = leaves.astype(np.float32)
+            places = np.column_stack([grid.tile_origins, grid.tile_sizes]).astype(np.int32)
+            number = self._builder.add_grid(
+                leaf_origins=np.ascontiguousarray(grid.leaf_origins, np.int32),
+                values=np.ascontiguousarray(leaves),
+                tiles=np.ascontiguousarray(places),
+                tile_values=np.ascontiguousarray(tiles),
+                channels=width,
+            )
+            self._numbers[id(grid)] = number
+        return number
+
+    def _note(self, path: str, left_out: int) -> None:
+        if left_out:
+            message = f"{left_out} instances have a singular or non-finite matrix and are left out"
+            self._warnings.append(("singular-transform", path, message))
+
+
+def _rows(matrices: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return the first three rows of matrices (N, 4, 4), as the core has them."""
+    return np.ascontiguousarray(matrices[:, :3], np.float64).ravel()
