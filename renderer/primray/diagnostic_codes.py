@@ -204,6 +204,21 @@ CODES: dict[str, Code] = {
     "reset-xform-in-prototype": Code(Severity.WARNING, Kind.APPROXIMATED,
         "resetXformStack inside a prototype resets to the prototype, not to the world.",
         "Make the prim non-instanceable, or remove !resetXformStack!."),
+    "volume-field": Code(Severity.ERROR, Kind.MISSING,
+        "A field of a Volume is missing: its prim, its grid or the type of its file is not there or not supported.",
+        "Correct the field prim at the place that the message names; points and frustum grids must be resampled to a linear "
+        "grid (VDB's fog volumes), Field3D files converted to OpenVDB."),
+    "volume-too-large": Code(Severity.ERROR, Kind.MISSING,
+        "A grid of voxels, or one that a volume shader needs, exceeds the limit of memory: it is missing.",
+        "Allow more memory (`--max-memory`), or resample the grid to fewer voxels."),
+    "volume-values": Code(Severity.WARNING, Kind.OUT_OF_RANGE,
+        "Values of a volume are not what a density can be: negative, infinite or not a number, a background other than 0, or "
+        "distances of a level set; they are read as 0, or as they are.",
+        "Write the file again as a fog volume with finite, non-negative values and a background of 0."),
+    "volume-convention": Code(Severity.INFO, Kind.CHOSEN,
+        "USD has no normative volume shader: the message says by which renderer's convention a Volume is rendered, and in "
+        "which unit.",
+        "No action needed; bind a material with a MaterialX `volume` at outputs:mtlx:volume to be independent of conventions."),
     "unsupported-light": Code(Severity.ERROR, Kind.MISSING,
         "A light of an unsupported type is missing.",
         "Replace it by a supported light, such as a RectLight or a DomeLight."),

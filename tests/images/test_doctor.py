@@ -275,7 +275,7 @@ def test_what_setting_up_takes_its_time_for(tmp_path: Path, capsys: pytest.Captu
 def test_machine_checks_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["doctor", "--json"]) == 0
     checks = json.loads(capsys.readouterr().out)["checks"]
-    assert {row["check"] for row in checks} == {"primray", "cpu", "core", "usd", "images", "colour", "schemas"}
+    assert {row["check"] for row in checks} == {"primray", "cpu", "core", "usd", "images", "colour", "volumes", "schemas"}
     assert all(row["works"] for row in checks)
 
 

@@ -39,6 +39,7 @@ from .motion.timing import Foreseen
 from .primvars.surface_primvars import without_unread_primvars
 from .render_settings.render_pass import with_render_pass
 from .scene.assembly import (
+    VOLUME,
     add_group,
     add_kept_groups,
     choose_times,
@@ -241,6 +242,8 @@ def finish(view: ViewSetup, assembled: Assembled) -> SceneDescription:
         asked=view.product.asked,
         file=view.product.file,
         may_need_light=may_need_light,
+        media=tuple(scene.media),
+        volume_emissions=tuple(scene.volume_emissions),
         instances=tuple(sorted(ctx.prototype_names.values())) if view.aovs else (),
     )
 
@@ -262,7 +265,7 @@ def _timed(
 
 def _walked(ctx: Context, record: Record) -> tuple[list[Group[ResolvedPrim]], Links | None, Context]:
     """Return all groups and the light links. The walk is repeated where its result changes what it should have started with."""
-    kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
+    kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light") | {VOLUME: "volume"}
     groups = walk(ctx, kinds, point_instances, record)
     widest = max(ctx.findings.blur_scales, default=1.0)
     if widest > ctx.timing.blur_scale:

@@ -15,11 +15,21 @@ import pxr
 from pxr import Sdf, Usd
 
 PLUGINS = Path(pxr.__file__).parent / "pluginfo"
-LIBRARIES = {"UsdGeom": "usdGeom", "UsdLux": "usdLux", "UsdRender": "usdRender", "UsdShade": "usdShade", "Usd": "usd"}
+LIBRARIES = {
+    "UsdGeom": "usdGeom",
+    "UsdLux": "usdLux",
+    "UsdRender": "usdRender",
+    "UsdShade": "usdShade",
+    "UsdVol": "usdVol",
+    "Usd": "usd",
+}
 NODES = "UsdShade's preview nodes"
 
 # Of the library "usd", which is about composition; the rest of it is what USD itself does before anyone asks for a value.
 CORE_CLASSES = frozenset({"CollectionAPI", "ColorSpaceAPI", "ColorSpaceDefinitionAPI", "ClipsAPI"})
+
+# Of the library "usdVol"; its particle fields are not rendered.
+VOLUME_CLASSES = frozenset({"Volume", "VolumeFieldAsset", "OpenVDBAsset", "Field3DAsset"})
 
 # Defined by the text of a class alone: names with NAME in them stand for all of their kind.
 UNDECLARED = {
@@ -43,6 +53,7 @@ UNDECLARED = {
     "ClipsAPI": ("clips", "clipSets"),
     "LightAPI": ("collection:lightLink", "collection:shadowLink"),
     "LightFilter": ("collection:filterLink",),
+    "Volume": ("field:NAME",),
     "RenderPass": (
         "collection:renderVisibility",
         "collection:cameraVisibility",
@@ -65,6 +76,9 @@ PROPOSED = {
     "PhysicalCameraResponsivityAPI": tuple(f"physical:responsivity:{channel}" for channel in "rgb"),
     "PhysicalColorFilterArrayAPI": tuple(f"physical:colorFilterArray:{name}" for name in ("pattern", "wavelengths", "filters")),
 }
+
+
+CHOSEN = {"Usd": CORE_CLASSES, "UsdVol": VOLUME_CLASSES}
 
 
 @dataclass(frozen=True)
@@ -93,7 +107,7 @@ def _of_schemas() -> Iterator[Row]:
     for library, folder in LIBRARIES.items():
         layer = Sdf.Layer.FindOrOpen(str(PLUGINS / folder / "resources" / folder / "schema.usda"))
         for prim in layer.rootPrims:
-            if library != "Usd" or prim.name in CORE_CLASSES:
+            if prim.name in CHOSEN.get(library, (prim.name,)):
                 for name in (*(spec.name for spec in prim.properties), *UNDECLARED.get(prim.name, ())):
                     yield Row(library, prim.name, name)
 

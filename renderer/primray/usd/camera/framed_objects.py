@@ -18,9 +18,11 @@ import numpy.typing as npt
 from ...arrays import Doubles, Floats
 from ...description import Mesh, NurbsPatch, Placed, Placement, Prototype, SceneDescription, Shape, Sphere, SubdivisionMesh
 from ...description.placement import Box, placed_box, transformed_box, transformed_boxes
+from ...description.volumes import VolumeEmission, VolumeMedium, instance_boxes, volume_box
 from ..scene.bounds import Bounds
 
 Ints = npt.NDArray[np.intp]
+Volume = VolumeMedium | VolumeEmission
 
 Mask = npt.NDArray[np.bool_]
 CURVED_FACES = 64  # faces that a sphere counts as
@@ -164,10 +166,14 @@ class FramedObjects:
 
 
 def framed_objects(
-    shapes: Sequence[Shape], static: Sequence[Placed], prototypes: Sequence[Prototype], placements: Sequence[Placement]
+    shapes: Sequence[Shape],
+    static: Sequence[Placed],
+    prototypes: Sequence[Prototype],
+    placements: Sequence[Placement],
+    volumes: Sequence[Volume] = (),
 ) -> FramedObjects:
     """Return the scene's objects, without geometry lights unless there is nothing else; a unit box if it is empty."""
-    stands = [*_static_objects(shapes, static), *_instanced_objects(shapes, prototypes, placements)]
+    stands = [*_static_objects(shapes, static), *_instanced_objects(shapes, prototypes, placements), *_volume_objects(volumes)]
     found = FramedObjects(stands)
     if len(found) == 0:
         half = np.full(3, 0.5)
@@ -178,7 +184,9 @@ def framed_objects(
 
 def framed_bounds(description: SceneDescription, up: int) -> Box:
     """Return the low and high corner (3,) of the scene without outliers; the lowest point along the up axis is exact."""
-    things = framed_objects(description.shapes, description.static, description.prototypes, description.placements)
+    things = framed_objects(
+        description.shapes, description.static, description.prototypes, description.placements, description.volumes
+    )
     things = things.only(~outliers(things.low, things.high, things.detail, up))
     low, high = things.low.min(axis=0), things.high.max(axis=0)
     down = np.zeros(3)
@@ -218,6 +226,18 @@ def _instanced_objects(
             )
 
 
+def _volume_objects(volumes: Sequence[Volume]) -> Iterator[ObjectPlacements]:
+    """Yield volumes by the boxes of their instances; a grid that several media share counts once."""
+    seen: set[tuple[str, bytes]] = set()
+    for volume in volumes:
+        boxes = instance_boxes(volume)
+        if boxes is None or not len(boxes[0]) or (key := (volume.path, boxes[0].tobytes())) in seen:
+            continue
+        seen.add(key)
+        for low, high in zip(*boxes, strict=True):
+            yield ObjectPlacements(FramedObject(volume.path, (low, high)), low[None], high[None], np.eye(4)[:3])
+
+
 def _prototype_object(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> FramedObject:
     prototype = prototypes[number]
     parts = tuple((shapes[placed.shape], placed.matrix) for placed in prototype.shapes)
@@ -244,10 +264,15 @@ def _box_extent(box: Box, along: Doubles) -> float:
 
 
 def shape_bounds(
-    shapes: Sequence[Shape], static: Sequence[Placed], prototypes: Sequence[Prototype], placements: Sequence[Placement]
+    shapes: Sequence[Shape],
+    static: Sequence[Placed],
+    prototypes: Sequence[Prototype],
+    placements: Sequence[Placement],
+    volumes: Sequence[Volume] = (),
 ) -> Bounds:
     """Return centre and size of the translated scene, by the corners of shapes' boxes; a unit box if it is empty."""
     corners = [corners_of(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3] for p in static]
+    corners += [np.array(box) for box in map(volume_box, volumes) if box is not None]
     for placement in placements:
         if prototypes[placement.prototype].placements or len(placement) > MOST_BOUNDED_INSTANCES:
             corners.append(np.array(placed_box(placement.levels, prototype_box(shapes, prototypes, placement.prototype))))

@@ -90,6 +90,7 @@ class KeptTranslation:
                 yield os.path.dirname(path)
         if self._made is not None:
             yield from self._made.assembled.ctx.caches.ies_files
+            yield from self._made.assembled.ctx.caches.volume_files
 
 
 def _texture_files(description: SceneDescription) -> Iterator[TextureFile]:

@@ -64,7 +64,7 @@ def add_default_light(scene: TranslatedScene, camera: Camera, ctx: Context) -> b
     if asked is StudioLight.AUTO:
         if scene.has_lights or ctx.settings.dome is not None:
             return False
-        if any(_is_emissive(s) for s in ctx.surfaces):
+        if scene.volume_emissions or any(_is_emissive(s) for s in ctx.surfaces):
             return True
     scene.lights += default_lights(camera, up_axis(ctx.stage) == "Z")
     if asked is StudioLight.ON:

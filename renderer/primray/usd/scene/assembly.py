@@ -29,6 +29,8 @@ from .context import Context
 from .inheritance import ResolvedPrim
 from .translated_scene import Record, TranslatedLeaf, TranslatedScene
 
+VOLUME = "Volume"  # the prim type of volumes, whose adapter is imported where a stage has one
+
 
 def shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
     """Return the paths of prims that several groups contain, because their instances hand down different states."""
@@ -66,6 +68,10 @@ def add_group(scene: TranslatedScene, group: Group[ResolvedPrim], where: Arrange
             add_lights(scene, leaf, matrices[len(leaves)], chains, count, group.blur_scale, ctx)
             if g == 0:
                 record.note_leaf(TranslatedLeaf(leaf, light=first if len(scene.lights) > first else None))
+        elif leaf.type_name == VOLUME:
+            from ..volumes.volume import add_volume
+
+            add_volume(scene, leaf, matrices[len(leaves)], chains, g == 0, ctx)
         elif (shape := shape_of(leaf, _with_placements(leaf, chains, matrices[len(leaves)], ctx), scene)) is not None:
             shape = linked(shape, leaf, scene)
             if g == 0:
@@ -139,7 +145,7 @@ MAX_BOUNDED_INSTANCES = 1_000_000
 def scene_bounds(scene: TranslatedScene, groups: list[Group[ResolvedPrim]], where: Arrangement, ctx: Context) -> Bounds:
     is_asked = not (where.cyclic or _is_crowded(groups) or _is_elsewhere(ctx.stage, groups) or ctx.findings.unbounded_shapes)
     whole = stage_bounds(ctx.stage, ctx.when, ctx.purposes) if is_asked else None
-    return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
+    return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements, scene.volumes)
 
 
 def _is_elsewhere(stage: Usd.Stage, groups: list[Group[ResolvedPrim]]) -> bool:

@@ -84,6 +84,7 @@ class TranslationCaches:
     # Findings (code, message, attribute) about the inputs of lights, by type, applied schemas and authored names.
     light_inputs: dict[tuple[str, tuple[str, ...], frozenset[str]], list[tuple[str, str, str]]] = field(default_factory=dict)
     ies_files: dict[str, IesFile | str] = field(default_factory=dict)  # by resolved path: the file, or why it is unusable
+    volume_files: set[str] = field(default_factory=set)  # resolved paths of the files that fields of volumes name
     defined_copy: list[Usd.Stage] = field(default_factory=list)  # at most one copy of the stage, to define prims in
 
 

@@ -35,7 +35,7 @@ from .schemas import (
     is_without_effect,
 )
 
-_GEOMETRY = "Volume ParticleField ParticleField3DGaussianSplat GenerativeProcedural"
+_GEOMETRY = "ParticleField ParticleField3DGaussianSplat GenerativeProcedural"
 UNSUPPORTED = frozenset(_GEOMETRY.split())
 _LIGHTS = "GeometryLight PluginLight LightFilter PluginLightFilter"
 UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
@@ -203,8 +203,8 @@ _READ = frozenset((*CAMERA_VISIBILITY, *LIGHT_GROUPS, *SETTINGS_OF_OTHERS)) | {
     name for c in CONVENTIONS for name in (c.blades, c.rotation_deg, c.roundness)
 }
 
-# The surface output of any renderer: materials/material.py reads it, or reports that it does not.
-_SURFACE_OUTPUT = re.compile(r"outputs:\w+:surface")
+# The outputs of any renderer that are read, or reported by materials/material.py and volumes/shaders.py.
+_SHADER_OUTPUT = re.compile(r"outputs:\w+:(surface|volume)")
 
 
 @dataclass
@@ -221,7 +221,7 @@ def renderer_of(name: str) -> str:
     if (
         name in _READ
         or name.startswith(ROLLING_SHUTTER)
-        or _SURFACE_OUTPUT.fullmatch(name)
+        or _SHADER_OUTPUT.fullmatch(name)
         or any(word in name.lower() for word in LENS_WORDS)
     ):
         return ""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from ...arrays import Doubles
-from ...description import Light, MovingInstances, Placed, Placement, Prototype, Shape, Sphere
+from ...description import Light, MovingInstances, Placed, Placement, Prototype, Shape, Sphere, VolumeEmission, VolumeMedium
 from ..camera.framed_objects import FramedObjects, framed_objects
 from ..lights.authored import AuthoredLight
 from ..lights.light_links import Links
@@ -82,14 +82,20 @@ class TranslatedScene:
     prototypes: list[Prototype] = field(default_factory=list)
     placements: list[Placement] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
+    media: list[VolumeMedium] = field(default_factory=list)
+    volume_emissions: list[VolumeEmission] = field(default_factory=list)
     has_lights: bool = False  # even if none of them emits anything
     number: dict[int, int] = field(default_factory=dict)  # prototype's index by group
     blur_scales: dict[int, float] = field(default_factory=dict)  # by prototype
     moving_lights: list[tuple[int, LightPath]] = field(default_factory=list)  # light's index, and its path over time
 
     @property
+    def volumes(self) -> list[VolumeMedium | VolumeEmission]:
+        return [*self.media, *self.volume_emissions]
+
+    @property
     def framed_objects(self) -> FramedObjects:
-        return framed_objects(self.shapes, self.static, self.prototypes, self.placements)
+        return framed_objects(self.shapes, self.static, self.prototypes, self.placements, self.volumes)
 
     @property
     def moves(self) -> bool:

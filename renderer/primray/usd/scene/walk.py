@@ -80,6 +80,7 @@ Expand = Callable[
 # Prims of these types have no children that are drawn.
 _CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer"})
 _EXPANDED = frozenset({"PointInstancer", "Points"})  # expanded into groups
+BOUND = frozenset({"shape", "volume"})  # kinds of leaves that materials are bound to
 FORGOTTEN_AFTER = 1 << 14  # transforms after which the cache is cleared
 
 
@@ -154,7 +155,7 @@ def walk(
     state.group(ctx.stage.GetPseudoRoot(), Inherited())
     for index, root, inherited in state.queue:  # grows as instances are found
         _walk_group(state, state.groups[index], root, inherited)
-    shapes = [leaf for group in state.groups for leaf in group.leaves if leaf_types[leaf.type_name] == "shape"]
+    shapes = [leaf for group in state.groups for leaf in group.leaves if leaf_types[leaf.type_name] in BOUND]
     bind_shapes(shapes, kinds.by_collection, ctx)
     ctx.findings.property_names.update(kind.names for kind in kinds.found.values())
     note_other_renderers(kinds.found.values(), ctx)

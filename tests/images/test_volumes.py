@@ -1,0 +1,106 @@
+"""Volumes from the stage to the picture: transmittance by Beer and Lambert's law, furnaces, instances, checkpoints' digests."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.usd.volumes.volume_text import grid, volume_text, write
+
+import primray
+
+SKY = 'def DomeLight "Sky" {}\n'
+CAMERA = """
+def Camera "Cam" {
+    token projection = "orthographic"
+    float horizontalAperture = 20
+    float verticalAperture = 20
+    float2 clippingRange = (0.1, 100)
+    double3 xformOp:translate = (3.5, 3.5, 30)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+
+
+def look(inputs: str) -> str:
+    return f"""
+def Material "Look" {{
+    token outputs:arnold:volume.connect = </Look/Shader.outputs:out>
+    def Shader "Shader" {{
+        uniform token info:id = "arnold:standard_volume"
+        {inputs}
+        token outputs:out
+    }}
+}}
+"""
+
+
+def mean(folder: Path, text: str, **values: object) -> np.ndarray:
+    """Mean colour and alpha of a picture through the middle of the voxels."""
+    path = folder / "stage.usda"
+    path.write_text(f'#usda 1.0\n(\n    upAxis = "Y"\n    metersPerUnit = 1\n)\n{SKY}{CAMERA}{text}')
+    image = primray.render(str(path), resolution=(16, 16), spp=256, seed=3, **values)  # type: ignore[arg-type]
+    return np.asarray(image.pixels, np.float64).reshape(-1, 4).mean(axis=0)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("half", [False, True])
+@pytest.mark.parametrize("split", [False, True])
+def test_beer_and_lambert(tmp_path: Path, half: bool, split: bool) -> None:
+    # Along the ray the values rise from 0 to 0.25 within one voxel, and fall likewise: 8 voxels in all.
+    two = 0.125 if split else 0.25
+    write(tmp_path, grid(two, half=half), grid(two, name="more", half=half))
+    text = volume_text({"density": "", "more": ""} if split else None, bound="/Look")
+    shader = 'float inputs:scatter = 0\ncolor3f inputs:transparent = (0.5, 0.25, 0.125)\nstring inputs:emission_mode = "none"'
+    if split:
+        text += text.replace('"Smoke"', '"Other"')
+    found = mean(tmp_path, text + look(shader))
+    expected = [0.5**2, 0.25**2, 0.125**2]
+    np.testing.assert_allclose(found[:3], expected, rtol=0.1)
+    assert found[3] == pytest.approx(1 - found[:3].mean(), abs=0.1)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_white_volume_in_a_white_sky_is_not_seen(tmp_path: Path) -> None:
+    write(tmp_path, grid(0.5), grid((0.9, 0.6, 0.3), name="color", kind="vec3s"))
+    text = volume_text(bound="/Look") + look("color3f inputs:scatter_color = (1, 1, 1)")
+    np.testing.assert_allclose(mean(tmp_path, text, max_depth=200)[:3], 1, atol=0.02)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_instances_far_from_the_origin(tmp_path: Path) -> None:
+    write(tmp_path, grid(0.25))
+    moved = 'double3 xformOp:translate = (100000000, 0, 0)\nuniform token[] xformOpOrder = ["xformOp:translate"]'
+    text = f'def Xform "Far" {{\n{moved}\n{volume_text(bound="/Look")}\n}}' + look("float inputs:scatter = 0")
+    found = mean(tmp_path, text.replace("@./", "@./"), camera="/Cam")
+    assert found[0] == pytest.approx(1)  # nothing is before this camera
+    CAMERA_FAR = CAMERA.replace("(3.5,", "(100000003.5,").replace('"Cam"', '"FarCam"')
+    found = mean(tmp_path, text + CAMERA_FAR, camera="/FarCam")
+    assert found[0] == pytest.approx(math.exp(-2), rel=0.1)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_digests_know_volumes(tmp_path: Path) -> None:
+    from primray.checkpoints.fingerprint import fingerprint
+    from primray.diagnostics import Diagnostics
+    from primray.settings import RenderSettings
+    from primray.usd import open_stage, translate
+
+    digests = []
+    for value in (0.25, 0.5):
+        write(tmp_path, grid(value))
+        path = tmp_path / f"stage_{value}.usda"
+        path.write_text(f"#usda 1.0\n{CAMERA}{volume_text()}")
+        description, _ = translate(open_stage(str(path), Diagnostics()), RenderSettings())
+        digests.append(fingerprint(description, {})["geometry"])
+    assert digests[0] != digests[1]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_emission_adds_along_the_ray(tmp_path: Path) -> None:
+    write(tmp_path, grid(0.25), grid((0.1, 0.2, 0.3), name="emission", kind="vec3s"))
+    text = volume_text({"emission": ""})
+    found = mean(tmp_path, text)  # without a density there is no extinction: the sky is seen through it
+    np.testing.assert_allclose(found[:3], 1 + 8 * np.array([0.1, 0.2, 0.3]), rtol=0.02)
