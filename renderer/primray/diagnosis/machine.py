@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 
 from ..errors import SettingsError
@@ -28,7 +29,7 @@ class MachineCheck:
 
 
 def check_machine() -> tuple[MachineCheck, ...]:
-    """Return checks of the CPU, the core, USD, images, colour management and the schemas' files."""
+    """Return checks of the CPU, the core, USD, images, colour management, volumes and the schemas' files."""
     versions = package_versions()
     checks: dict[str, Callable[[], str]] = {
         "primray": lambda: f"{versions['primray']}, python {versions['python']}",
@@ -37,6 +38,7 @@ def check_machine() -> tuple[MachineCheck, ...]:
         "usd": lambda: _usd(versions["usd"]),
         "images": lambda: _images(versions["openimageio"]),
         "colour": _color,
+        "volumes": _volumes,
         "schemas": _schemas,
     }
     return tuple(_checked(name, check) for name, check in checks.items())
@@ -75,6 +77,14 @@ def _images(version: str) -> str:
     import OpenImageIO as oiio
 
     return f"OpenImageIO {oiio.VERSION_STRING or version}"
+
+
+def _volumes() -> str:
+    """Return how OpenVDB files are read; a machine without the optional package works for all others."""
+    try:
+        return f"OpenVDB files, with blosc {metadata.version('blosc')}"
+    except metadata.PackageNotFoundError:
+        return "OpenVDB files, but none whose values are compressed by Blosc, as most are (pip install 'primray[volumes]')"
 
 
 def _schemas() -> str:
