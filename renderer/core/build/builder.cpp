@@ -375,6 +375,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   if (s.has_emission) build_emitters(s);
   if (s.volumes) s.volumes->finish(), add_volume_lights(s);
   finish_light_rows(s.lights);
+  find_pivots(s);
   const bool glows = s.has_emission || (s.volumes && s.volumes->in_emissions.any());
   s.rays_find_light = glows || s.lights.needs_hit_test || !s.lights.domes.empty();
   s.only_hierarchy_lights_found =

@@ -10,7 +10,8 @@
 
 namespace primray {
 
-// Value of Hits::geom for a collision in a volume: `inst` is then the volume's instance, and `ng` the albedo there.
+// Value of Hits::geom for a collision in a volume: `inst` is then the volume's instance, `ng` the albedo there, and `prim` the
+// path's place in the pool when its ray was traced.
 constexpr int32_t kVolumeHit = -2;
 
 // Finds the first collision of each path of the pool.
@@ -34,30 +35,40 @@ PRIMRAY_RARE void collide_in_volumes(Round& round) {
       {state.end, pool.beta_r, pool.beta_g, pool.beta_b, state.instance, state.albedo[0], state.albedo[1], state.albedo[2]});
   for (int i = 0; i < pool.count; ++i) {
     if (state.instance[i] < 0) continue;
-    pool.t[i] = state.end[i], pool.geom[i] = kVolumeHit, pool.inst[i] = state.instance[i];
+    pool.t[i] = state.end[i], pool.geom[i] = kVolumeHit, pool.inst[i] = state.instance[i], pool.prim[i] = i;
     pool.ngx[i] = state.albedo[0][i], pool.ngy[i] = state.albedo[1][i], pool.ngz[i] = state.albedo[2][i];
   }
 }
 
-// Scatters at distance `t` along the rays as at any vertex. `media`: the medium state there, if media are followed.
-template <int W>
-PRIMRAY_RARE void scatter_in_volume(Round& round, vbool<W> scatters, const PathLanes<W>& p, vfloat<W> t, vfloat<W> anisotropy,
-                                    const MediumInterface<W>* media) {
-  using F = vfloat<W>;
+// Calls f(v) for the vertex at distance `t` along the rays, with a phase function for its lobes. `path`: see PhaseLobes.
+// `media`: the medium state there, if media are followed.
+template <int W, class F>
+PRIMRAY_INLINE void with_phase_vertex(const Round& round, const PathLanes<W>& p, vint<W> path, vfloat<W> t,
+                                      vfloat<W> anisotropy, const MediumInterface<W>* media, const F& f) {
   const vvec3<W> back = -p.ray.d;
   Interaction<W> it;
   it.p = p.ray.o + p.ray.d * t, it.ng = it.ns = back;
-  it.offset = it.least_cosine = F(0.0f);
+  it.offset = it.least_cosine = vfloat<W>(0.0f);
   it.at_edge = it.smooth = vbool<W>(false);
   it.surface = it.mesh = it.triangle = it.curved = vint<W>(0);
   it.link = round.needs.links ? max(p.link, vint<W>(0)) : vint<W>(0);
-  it.color = vvec3<W>(F(1.0f));
+  it.color = vvec3<W>(vfloat<W>(1.0f));
   const Hits<W> hits{};
-  const vvec3<W> head_on(F(0.0f), F(0.0f), F(1.0f));
-  const Vertex<W, PhaseLobes<W>> v{
-      it, back, Frame<F>(back), head_on, PhaseLobes<W>(anisotropy), hits, {vint<W>(-1), vint<W>(0)}, nullptr, media};
-  if (round.scene.lights.count > 0) sample_lights(round, scatters, v, p);
-  scatter(round, scatters, v, p);
+  const vvec3<W> head_on(vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f));
+  PhaseLobes<W> lobes(anisotropy);
+  lobes.path = path;
+  f(Vertex<W, PhaseLobes<W>>{
+      it, back, Frame<vfloat<W>>(back), head_on, lobes, hits, {vint<W>(-1), vint<W>(0)}, nullptr, media});
+}
+
+// Scatters at distance `t` along the rays as at any vertex.
+template <int W>
+PRIMRAY_RARE void scatter_in_volume(Round& round, vbool<W> scatters, const PathLanes<W>& p, const Hits<W>& hits,
+                                    vfloat<W> anisotropy, const MediumInterface<W>* media) {
+  with_phase_vertex(round, p, hits.prim, hits.t, anisotropy, media, [&](const auto& v) {
+    if (round.scene.lights.count > 0) sample_lights(round, scatters, v, p);
+    scatter(round, scatters, v, p);
+  });
 }
 
 // Advances one packet of paths of which `collides` collide in a volume.
@@ -87,11 +98,11 @@ PRIMRAY_RARE void shade_volume_lanes(Round& round, int at, vbool<W> collides, Pa
     if (!any(scatters)) log->end(p, "the maximum depth is reached, or the volume only absorbs");
   }
   if (!any(scatters)) return;
-  if (!in_media) return scatter_in_volume<W>(round, scatters, p, hits.t, medium.anisotropy(), nullptr);
+  if (!in_media) return scatter_in_volume<W>(round, scatters, p, hits, medium.anisotropy(), nullptr);
   MediumState<W> state = round.worker.medium_states->pool->template at<W>(at);
   state.origin_distance = F(0.0f);
   const MediumInterface<W> media{state, Boundary<W>(state.stack), {}};
-  scatter_in_volume<W>(round, scatters, p, hits.t, medium.anisotropy(), &media);
+  scatter_in_volume<W>(round, scatters, p, hits, medium.anisotropy(), &media);
 }
 
 // Scatters the paths that collide in volumes; the others stay in the pool.

@@ -18,6 +18,7 @@ template <int W>
 struct PhaseLobes : Bsdf<W> {
   static constexpr bool kInMedium = true, kFollowsMedia = true;
   vfloat<W> phase;
+  vint<W> path{-1};  // of the pool when its ray was traced; -1: no lights are sampled along the ray (integrator/along_rays.hpp)
 
   explicit PhaseLobes(vfloat<W> mean_cosine)
       : Bsdf<W>(plain(), vbool<W>(false), {vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f)}, vbool<W>(true)),

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "integrator/add_to_film.hpp"
+#include "integrator/along_rays.hpp"
 #include "integrator/camera_rays.hpp"
 #include "integrator/cross_media.hpp"
 #include "integrator/cross_volumes.hpp"
@@ -47,6 +48,7 @@ void run_rounds(Round& round, int slots) {
     if (round.worker.pool->count == 0) break;
     trace<W>(round);
     clear_queues<W>(round);
+    if (round.samples_along_rays()) sample_along_rays<W>(round);
     if (round.has_volumes()) cross_volumes<W>(round);
     if (round.follows_media()) cross_media<W>(round);
     if (round.has_volumes()) shade_volumes<W>(round);

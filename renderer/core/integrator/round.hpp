@@ -50,6 +50,7 @@ struct Round {
     if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
     if (follows_media() && !worker.medium_states) worker.medium_states = std::make_unique<MediumStateStore>();
     if (has_volumes() && !worker.volumes) worker.volumes = std::make_unique<VolumeState>();
+    if (samples_along_rays() && !worker.along) worker.along = std::make_unique<AlongState>();
     if (needs.lpe && !worker.lpe)
       worker.lpe = std::make_unique<LpeStore>(*settings.lpe, settings.clamps() ? Worker::kSums : Worker::kSlots);
     if (leaves_out_caustics()) worker.caustics.resize(3 * size_t(Worker::kSlots));
@@ -58,6 +59,7 @@ struct Round {
 
   bool has_special() const { return scene.lights.has_special(); }
   bool follows_media() const { return scene.interiors.followed; }
+  bool samples_along_rays() const { return !scene.lights.pivots.empty(); }
   bool has_volumes() const { return scene.volumes != nullptr; }
   bool leaves_out_caustics() const { return settings.lpe && settings.lpe->leaves_out >= 0; }
 

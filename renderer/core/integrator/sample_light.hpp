@@ -157,20 +157,14 @@ PRIMRAY_INLINE void log_light(const Round& round, const PathLanes<W>& p, const c
   if (PathLog* const log = path_log<W>(round)) log->add("light sample", p).put("light", light).why = why;
 }
 
+// Samples a point on the chosen light, seen from `from`, and queues a shadow ray with its contribution.
 template <int W, class Lobes>
-void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+PRIMRAY_INLINE void queue_light_sample(Round& round, vbool<W> useful, const ChosenLight<W>& chosen, const Vertex<W, Lobes>& v,
+                                       const PathLanes<W>& p, const vvec3<W>& from, vfloat<W> share) {
   using B = vbool<W>;
   using V = vvec3<W>;
   const LightTable& lights = round.scene.lights;
-
-  // Choose a light. The origin is that of scattered rays, so that both techniques agree on which lights are above the surface
-  const V from = v.it.p + v.ng * v.it.offset;
-  ChosenLight<W> chosen;
-  choose_light_at(round, scatters, v, p, from, chosen);
   const vint<W> light = chosen.choice.light;
-  B useful = scatters & (chosen.choice.probability > vfloat<W>(0.0f));
-  if (!any(useful)) return log_light(round, p, "no light reaches the point");
-  PRIMRAY_ASSERT(are_rows(light, size_t(lights.count)) && are_fractions(useful, chosen.choice.probability));
 
   // Sample a point on it
   LightSample<W> s = sample_point(round, useful, light, v, p, from);
@@ -193,6 +187,7 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
 
   // Compute the unshadowed contribution
   V carried = p.beta * reflected * s.L * (weight / pdf);
+  if constexpr (Lobes::kInMedium) carried = carried * share;
   const bool in_media = Lobes::kFollowsMedia && v.media;
   if (in_media && !round.scene.has_thin)
     carried = carried * v.media->transmittance_towards(round.scene, beyond, s.t + origin_distance_of(v.it.offset, v.ng, s.wi));
@@ -228,6 +223,33 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
     w.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, sum, light, p.ray.time, round.needs);
   useful &= !special;
   if (any(useful)) w.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, sum, p.ray.time, round.needs);
+}
+
+template <int W, class Lobes>
+void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+  using V = vvec3<W>;
+  const LightTable& lights = round.scene.lights;
+
+  // Choose a light. The origin is that of scattered rays, so that both techniques agree on which lights are above the surface
+  const V from = v.it.p + v.ng * v.it.offset;
+  ChosenLight<W> chosen;
+  choose_light_at(round, scatters, v, p, from, chosen);
+  const vint<W> light = chosen.choice.light;
+  const vbool<W> useful = scatters & (chosen.choice.probability > vfloat<W>(0.0f));
+  if (!any(useful)) return log_light(round, p, "no light reaches the point");
+  PRIMRAY_ASSERT(are_rows(light, size_t(lights.count)) && are_fractions(useful, chosen.choice.probability));
+
+  vfloat<W> share(1.0f);
+  if constexpr (Lobes::kInMedium) {
+    // Samples along the ray have the rest.
+    if (const vbool<W> m = useful & (v.bsdf.path >= vint<W>(0)); round.samples_along_rays() && any(m))
+      share =
+          select(m,
+                 round.worker.along->share_of_vertices(lights.pivots, p.ray.o, p.ray.d, dot(v.it.p - p.ray.o, p.ray.d),
+                                                       select(m, v.bsdf.path, vint<W>(0)), light, chosen.choice.probability),
+                 share);
+  }
+  queue_light_sample(round, useful, chosen, v, p, from, share);
 }
 
 // Takes one light sample per vertex; at a path's first surface that is not a mirror, as many as the pilot renders chose.

@@ -8,6 +8,7 @@
 #include "base/integrator_settings.hpp"
 #include "bsdf/bsdf.hpp"
 #include "film/film.hpp"
+#include "integrator/along_state.hpp"
 #include "integrator/lpe_states.hpp"
 #include "integrator/media.hpp"
 #include "integrator/rays/packet_choice.hpp"
@@ -48,6 +49,7 @@ struct Worker {
   std::unique_ptr<SpecialShadowQueue> special_shadows;  // in scenes with special lights
   std::unique_ptr<MediumStateStore> medium_states;      // in scenes with participating media
   std::unique_ptr<VolumeState> volumes;                 // in scenes with volumes
+  std::unique_ptr<AlongState> along;                    // where lights are sampled along camera rays
   std::unique_ptr<LpeStore> lpe;                        // for light path expressions
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   // With a clamp, indirect light is summed separately, kSlots further on (integrator/add_to_film.hpp).

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "light/dome/dome.hpp"
+#include "light/sampler/segment_choice.hpp"
 #include "light/shaping/shaping.hpp"
 #include "light/tree/light_hierarchy.hpp"
 #include "light/tree/light_tree.hpp"
@@ -41,6 +42,7 @@ struct LightTable {
       portals;                  // by dome: rectangles of radiance 1 that guide its samples (light/sampler/portal.hpp); or empty
   LightTree tree;               // for choosing among lights, where there are too many to weigh each
   LightHierarchy hierarchy;     // of the lights that rays can hit, where there are many
+  std::vector<Pivot> pivots;    // lights that are sampled along camera rays through media
   bool needs_hit_test = false;  // some light has area or a cone that BSDF-sampled rays can hit
   bool camera_sees_area = false;
   Fact<built::kLobeFactors> lobe_factors = false;  // some light's diffuse or specular factor is not 1

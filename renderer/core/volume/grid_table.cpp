@@ -151,6 +151,16 @@ void add_blocks(const GridInput& grid, const GridValues<Value>& values, std::vec
   blocks.close();
 }
 
+// Sum of all values of a grid.
+template <class Value>
+double sum_of(const GridInput& grid, const GridValues<Value>& values) {
+  double sum = 0;
+  for (const Value& v : values.of_leaves) sum += double(as_float(v));
+  for (size_t i = 0; i < values.of_tiles.size(); ++i)
+    sum += double(as_float(values.of_tiles[i])) * std::pow(double(grid.tiles[4 * (i / size_t(grid.channels)) + 3]), 3);
+  return sum;
+}
+
 }  // namespace
 
 GridTable::GridTable()
@@ -217,9 +227,12 @@ int GridTable::add(const GridInput& grid) {
     of_grid.add(of_node);
   }
   row.least = of_grid.low, row.most = of_grid.high;
+  const double sum = grid.is_half ? sum_of(grid, grid.halves) : sum_of(grid, grid.floats);
   Place first, beyond;
   blocks.box(first, beyond);
   for (size_t a = 0; a < 3; ++a) row.low[a] = float(first[a]) - 1.0f, row.high[a] = float(beyond[a]);
+  const double voxels = double(row.high[0] - row.low[0]) * (row.high[1] - row.low[1]) * (row.high[2] - row.low[2]);
+  row.mean = float(sum / std::max(voxels, 1.0));
   rows.push_back(row);
   return int(rows.size()) - 1;
 }

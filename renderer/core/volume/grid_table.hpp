@@ -48,6 +48,7 @@ struct GridTable {
     int32_t channels, is_half;
     float low[3], high[3];  // box of the positions whose values may not be 0
     float least, most;      // range of its interpolated values
+    float mean;             // over its box
   };
   std::vector<Row> rows;
   std::vector<int32_t> node_of;    // by node of a grid's box, z fastest: its number; 0 where all values are 0

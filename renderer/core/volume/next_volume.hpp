@@ -42,9 +42,6 @@ PRIMRAY_INLINE void clip_to_grid(const GridTable::Row& row, const GridRays<W>& r
   }
 }
 
-// Up to this number of instances, each is tested; beyond, the hierarchy is traversed ray by ray.
-constexpr size_t kFewVolumes = 8;
-
 // Finds the volume that one ray enters after `last` (in the order of distances, then of instances) and before `end`.
 inline NextVolume<1> next_in_hierarchy(const GridTable& grids, const VolumePlacements& placed, const vvec3<1>& o,
                                        const vvec3<1>& d, float begin, float end, const NextVolume<1>& last) {

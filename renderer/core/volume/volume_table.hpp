@@ -27,6 +27,9 @@ struct VolumeEmissionInput {
   std::span<const double> world_from_index;
 };
 
+// Up to this number of instances, each is tested by every ray; beyond, the hierarchy is traversed ray by ray.
+constexpr size_t kFewVolumes = 8;
+
 // Instances of media, or of emission.
 struct VolumePlacements {
   std::vector<int32_t> of;             // by instance: the row of its medium or emission

@@ -33,6 +33,9 @@ LightBounds light_bounds(const LightTable& table, const float* row);
 // Adds a light for each instance of emission in volumes (light/types/volume.hpp); after all others.
 void add_volume_lights(Scene& scene);
 
+// Lists the lights that are sampled along camera rays, in scenes with media that scatter; after finish_light_rows().
+void find_pivots(Scene& scene);
+
 // Builds light trees for scenes with too many lights to weigh each at every vertex.
 void build_light_choice(LightTable& table);
 

@@ -1,0 +1,171 @@
+// Stage of a round in scenes with lights in media: light samples along rays (light/sampler/segment_choice.hpp). A vertex
+// in a medium, at a distance sampled by extinction, samples lights as well; both techniques find the same points, and are
+// weighted by the balance heuristic. That needs a density of distances, for which the segment's mean extinction serves: weights
+// may be any functions that add up to 1.
+//
+// After a scattering event only segments are sampled that pass close to a light, where vertices would seldom be near enough.
+#pragma once
+
+#include "integrator/along_state.hpp"
+#include "integrator/cross_volumes.hpp"
+#include "integrator/volume_emission.hpp"
+
+namespace primray {
+
+// Part of rays in which there are media, and the mean extinction over it.
+template <int W>
+struct MediaExtent {
+  vfloat<W> from, to, extinction;
+};
+
+// Returns the extent of the volumes' boxes on rays `m`.
+template <int W>
+PRIMRAY_RARE MediaExtent<W> extent_of_volumes(const VolumeTable& volumes, vbool<W> m, const vvec3<W>& o, const vvec3<W>& d,
+                                              vfloat<W> begin, vfloat<W> end) {
+  using F = vfloat<W>;
+  MediaExtent<W> all{F(kInfinity), F(0.0f), F(0.0f)};
+  for (size_t i = 0; i < volumes.in_media.size(); ++i) {
+    const VolumeTable::Medium& medium = volumes.media[size_t(volumes.in_media.of[i])];
+    const GridTable::Row& row = volumes.grids.rows[size_t(medium.grid)];
+    F from = begin, to = end;
+    clip_to_grid(row, GridRays<W>(volumes.in_media, vint<W>(int32_t(i)), o, d), from, to);
+    const vbool<W> crosses = m & (from < to);
+    if (!any(crosses)) continue;
+    all.from = select(crosses, min(all.from, from), all.from), all.to = select(crosses, max(all.to, to), all.to);
+    const float mean = row.mean * (medium.extinction[0] + medium.extinction[1] + medium.extinction[2]) / 3;
+    all.extinction += select(crosses, (to - from) * mean, F(0.0f));
+  }
+  all.extinction = all.extinction / max(all.to - all.from, 1e-30f);
+  return all;
+}
+
+// Medium at points: one of those that overlap there, with what it scatters by the probability of its choice.
+template <int W>
+struct MediumAtPoint {
+  vvec3<W> scattering{vfloat<W>(0.0f)};
+  vfloat<W> anisotropy{0.0f};
+  vfloat<W> weight{0.0f};  // sum of what was offered
+
+  // Offers a medium, which is chosen by what it scatters; `u` in [0, 1).
+  PRIMRAY_INLINE void offer(vbool<W> m, const vvec3<W>& own, vfloat<W> g, vfloat<W> u) {
+    const vfloat<W> w = select(m, own.x + own.y + own.z, vfloat<W>(0.0f));
+    const vbool<W> chosen = m & (w > vfloat<W>(0.0f)) & (u * (weight + w) < w);
+    weight += w;
+    // Scaled by the sum over all when that is known.
+    scattering = select(chosen, own * (1.0f / max(w, 1e-30f)), scattering), anisotropy = select(chosen, g, anisotropy);
+  }
+  PRIMRAY_INLINE vvec3<W> scattered() const { return scattering * weight; }
+};
+
+// Offers the volumes that contain points `p`.
+template <int W>
+PRIMRAY_RARE void offer_volumes(const VolumeTable& volumes, vbool<W> m, const vvec3<W>& p, vuint<W> seed,
+                                MediumAtPoint<W>& at) {
+  using F = vfloat<W>;
+  const vvec3<W> none(F(0.0f));
+  for (size_t i = 0; i < volumes.in_media.size(); ++i) {
+    const VolumeTable::Medium& medium = volumes.media[size_t(volumes.in_media.of[i])];
+    const vvec3<W> in_grid = GridRays<W>(volumes.in_media, vint<W>(int32_t(i)), p, none).o;
+    const EventNumbers<W> numbers{seed ^ vuint<W>(uint32_t(i) * 0x632be59bu)};
+    const VoxelChoice<W> near(in_grid, numbers.voxel());
+    const GridRows<W> grid(volumes.grids, vint<W>(medium.grid));
+    const F density = grid.value(near.x, near.y, near.z);
+    vvec3<W> albedo{F(medium.albedo[0]), F(medium.albedo[1]), F(medium.albedo[2])};
+    if (medium.albedo_grid >= 0) {
+      const GridRows<W> colors(volumes.grids, vint<W>(medium.albedo_grid));
+      albedo = albedo * colors.color(near.x + vint<W>(medium.albedo_shift[0]), near.y + vint<W>(medium.albedo_shift[1]),
+                                     near.z + vint<W>(medium.albedo_shift[2]));
+    }
+    const vvec3<W> extinction{F(medium.extinction[0]), F(medium.extinction[1]), F(medium.extinction[2])};
+    at.offer(m & (density > F(0.0f)), extinction * albedo * density, F(medium.anisotropy), numbers(5));
+  }
+}
+
+// Ratio of the greatest irradiance on a segment to its mean from which on scattered rays are sampled as well.
+constexpr float kPeaked = 8;
+
+// Chooses lights and distances along the pool's rays; returns whether any reach them.
+template <int W>
+PRIMRAY_RARE bool choose_along_rays(Round& round) {
+  using F = vfloat<W>;
+  const Scene& scene = round.scene;
+  const PathPool& pool = *round.worker.pool;
+  AlongState& state = *round.worker.along;
+  bool found = false;
+  for (int at = 0; at < pool.count; at += W) {
+    const vbool<W> active =
+        (lane_numbers<W>() < vint<W>(pool.count - at)) & (load<W>(pool.depth + at) < vint<W>(round.settings.max_depth));
+    const PathLanes<W> p = pool.paths<W>(at, round.needs);
+    F end = min(p.ray.tfar, select(load<W>(pool.geom + at) != vint<W>(-1), load<W>(pool.t + at), kInfinity));
+    if (scene.lights.needs_hit_test) end = end_at_bodies(round, active & (p.bsdf_pdf == F(0.0f)), p, end);
+    const MediaExtent<W> extent = extent_of_volumes(*scene.volumes, active, p.ray.o, p.ray.d, p.ray.tnear, end);
+    const Segment<W> segment{p.ray.o, p.ray.d, extent.from, extent.to};
+    const LightAlong<W> light(scene.lights.pivots, segment);
+    const vbool<W> peaked = (p.depth == vint<W>(0)) | (light.peak * (extent.to - extent.from) > kPeaked * light.total);
+    const F total = select(active & peaked & (extent.from < extent.to), light.total, F(0.0f));
+    const Pair<W> u = p.sampler.pair(p.vertex + vint<W>(1), Purpose::kFilm);
+    const ChosenAlong<W> chosen = choose_along(scene.lights.pivots, segment, total, u.v, u.u);
+    store(state.from + at, extent.from), store(state.to + at, extent.to);
+    store(state.extinction + at, extent.extinction), store(state.total + at, total);
+    const vbool<W> lit = (total > F(0.0f)) & (chosen.density > F(0.0f));
+    found |= any(lit);
+    store(state.t + at, select(lit, chosen.t, F(0.0f))), store(state.density + at, select(lit, chosen.density, F(0.0f)));
+    store(state.light + at, chosen.light);
+  }
+  return found;
+}
+
+// Sends light samples from the points that were chosen.
+template <int W>
+PRIMRAY_RARE void send_along_rays(Round& round) {
+  using F = vfloat<W>;
+  using V = vvec3<W>;
+  const Scene& scene = round.scene;
+  const PathPool& pool = *round.worker.pool;
+  const AlongState& state = *round.worker.along;
+  for (int at = 0; at < pool.count; at += W) {
+    const F density = load<W>(state.density + at), t = load<W>(state.t + at);
+    const V left{load<W>(state.left[0] + at), load<W>(state.left[1] + at), load<W>(state.left[2] + at)};
+    vbool<W> lit = (lane_numbers<W>() < vint<W>(pool.count - at)) & (density > F(0.0f)) & (max_component(left) > F(0.0f));
+    if (!any(lit)) continue;
+    PathLanes<W> p = pool.paths<W>(at, round.needs);
+    // Its numbers are not those of the vertex that may follow.
+    p.sampler.seed = mix(p.sampler.seed ^ vuint<W>(0x7f4a7c15u));
+    const vuint<W> seed = volume_seed<W>(p.sampler.seed, p.sampler.reversed_index, p.vertex);
+    const V point = p.ray.o + p.ray.d * t;
+    MediumAtPoint<W> medium;
+    offer_volumes(*scene.volumes, lit, point, seed, medium);
+    lit &= medium.weight > F(0.0f);
+    if (!any(lit)) continue;
+
+    ChosenLight<W> chosen;
+    chosen.choice.light = select(lit, load<W>(state.light + at), vint<W>(0));
+    chosen.choice.probability = probability_of(scene.lights, chosen.choice.light, lit, point, V(F(0.0f)));
+    const F by_vertices =
+        AlongState::by_extinction(load<W>(state.from + at), t, load<W>(state.extinction + at)) * chosen.choice.probability;
+    // The sample's own density of light and distance takes the place of the probability, and the share is its weight.
+    const F share = chosen.choice.probability / (density + by_vertices);
+    lit &= chosen.choice.probability > F(0.0f);
+    p.beta = p.beta * left * medium.scattered() * share;
+    const MediumInterface<W>* const none = nullptr;
+    with_phase_vertex(round, p, vint<W>(-1), t, medium.anisotropy, none,
+                      [&](const auto& v) { queue_light_sample(round, lit, chosen, v, p, v.it.p, F(1.0f)); });
+  }
+}
+
+template <int W>
+PRIMRAY_RARE void sample_along_rays(Round& round) {
+  if (!choose_along_rays<W>(round)) return;
+  const PathPool& pool = *round.worker.pool;
+  AlongState& state = *round.worker.along;
+  for (float* left : state.left) std::fill_n(left, pool.count, 1.0f);
+  VolumeState& volumes = *round.worker.volumes;
+  for (int at = 0; at < pool.count; at += W)
+    store(volumes.number + at, volume_seed<W>(load<W>(pool.seed + at) ^ vuint<W>(0x68bc21ebu),
+                                              load<W>(pool.reversed_index + at), load<W>(pool.vertex + at)));
+  const VolumeRays rays{pool.ox, pool.oy, pool.oz, pool.dx, pool.dy, pool.dz, pool.tnear, state.t, volumes.number};
+  attenuate<W>(*round.scene.volumes, rays, pool.count, volumes.passes, state.left[0], state.left[1], state.left[2]);
+  send_along_rays<W>(round);
+}
+
+}  // namespace primray
