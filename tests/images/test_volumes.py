@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests import vdb_writer as vdb
 from tests.unit.usd.volumes.volume_text import grid, volume_text, write
 
 import primray
@@ -104,3 +105,27 @@ def test_emission_adds_along_the_ray(tmp_path: Path) -> None:
     text = volume_text({"emission": ""})
     found = mean(tmp_path, text)  # without a density there is no extinction: the sky is seen through it
     np.testing.assert_allclose(found[:3], 1 + 8 * np.array([0.1, 0.2, 0.3]), rtol=0.02)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_kept_scenes_follow_edits_of_volumes(tmp_path: Path) -> None:
+    write(tmp_path, grid(0.25))
+    path = tmp_path / "stage.usda"
+    path.write_text(f"#usda 1.0\n{SKY}{CAMERA}{volume_text(bound='/Look')}{look('float inputs:density = 1')}")
+    asked = {"resolution": (8, 8), "spp": 8, "seed": 1}
+    scene = primray.Scene(str(path))
+    try:
+        density = scene.stage.GetPrimAtPath("/Look/Shader").GetAttribute("inputs:density")
+        pixels = []
+        for value in (1.0, 3.0, 3.0):
+            density.Set(value)
+            pixels.append(np.asarray(scene.render(**asked).pixels))  # type: ignore[arg-type]
+            again = primray.render(scene.stage, **asked)  # type: ignore[arg-type]
+            np.testing.assert_array_equal(pixels[-1], again.pixels)
+        assert not np.array_equal(pixels[0], pixels[1])
+        write(tmp_path, grid(1.0, tiles=[vdb.Tile((8, 0, 0), 8, 2.0)]))
+        pixels.append(np.asarray(scene.render(**asked).pixels))  # type: ignore[arg-type]
+        np.testing.assert_array_equal(pixels[-1], primray.render(scene.stage, **asked).pixels)  # type: ignore[arg-type]
+        assert not np.array_equal(pixels[-1], pixels[-2])
+    finally:
+        scene.close()

@@ -32,6 +32,15 @@ PARTS = {
     "frame": ("pixels", "pixel_aspect_ratio"),
 }
 
+# Fields that belong to the geometry where they are not empty: scenes without volumes have the digests that they had before
+# descriptions had any.
+VOLUMES = ("media", "volume_emissions")
+
+
+def fields_of(part: str) -> tuple[str, ...]:
+    """Return the description's fields that the digest of a part depends on."""
+    return PARTS[part] + (VOLUMES if part == "geometry" else ())
+
 
 def fingerprint(description: SceneDescription, textures: TextureSet) -> dict[str, str]:
     """Return the digests of geometry, materials, lights, camera and the rendered frame."""
@@ -46,10 +55,8 @@ def fingerprint_of(description: SceneDescription, textures: TextureSet, parts: C
 
 def _part(description: SceneDescription, name: str) -> Any:
     values = tuple(getattr(description, field) for field in PARTS[name])
-    if (
-        name == "geometry" and description.volumes
-    ):  # scenes without volumes have the digests that they had before there were any
-        values += (description.media, description.volume_emissions)
+    if name == "geometry" and description.volumes:
+        values += tuple(getattr(description, field) for field in VOLUMES)
     return values[0] if len(values) == 1 else values
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checkpoints.fingerprint import PARTS, fingerprint_of
+from ..checkpoints.fingerprint import PARTS, fields_of, fingerprint_of
 from ..description import SceneDescription, TextureFile, Wrap
 from ..diagnostics import Diagnostic, Diagnostics
 from ..process_memory import machine_bytes, resident_bytes
@@ -126,7 +126,7 @@ class CachedSteps(Steps):
     def fingerprint(self, description: SceneDescription, textures: Textures) -> dict[str, str]:
         kept, self._digests = self._digests, None
         changed = differing_fields(kept[0], description) if kept is not None else ALL_FIELDS
-        parts = {name for name, fields in PARTS.items() if changed.intersection(fields)}
+        parts = {name for name in PARTS if changed.intersection(fields_of(name))}
         found = kept[1] if kept is not None else {}
         if parts:
             made = fingerprint_of(description, self._at_hand(textures), parts)

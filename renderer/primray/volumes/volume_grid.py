@@ -60,8 +60,8 @@ class VolumeGrid:
     @cached_property
     def support(self) -> Doubles | None:
         """The box (2, 3) in index space outside of which interpolation gives 0, for a background of 0; None: all is 0."""
-        axes = tuple(range(1, self.leaf_values.ndim))
-        leaves = self.leaf_origins[self.leaf_values.any(axis=axes)]
+        bits = self.leaf_values.view(np.uint16 if self.leaf_values.itemsize == 2 else np.uint32)  # faster than numbers
+        leaves = self.leaf_origins[bits.any(axis=tuple(range(1, bits.ndim)))]
         tiles = self.tile_values.reshape(len(self.tile_values), self.width).any(axis=1)
         origins = np.concatenate([leaves, self.tile_origins[tiles]]).astype(np.float64)
         if not len(origins):

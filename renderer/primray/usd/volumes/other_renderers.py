@@ -49,7 +49,9 @@ def other_coefficients(source: Node, fields: dict[str, Field], ctx: Context) -> 
         return None
     left = sorted(n.left_out())
     message = f"{n.values.vocabulary.renderer}'s {n.kind or source.id} is translated by its documentation."
-    source.warn("translated", f"{message} Not read: {', '.join(left)}." if left else message)
+    for what, names in (("Approximated", sorted(n.near)), ("Not read", left)):
+        message += f" {what}: {', '.join(names)}." if names else ""
+    source.warn("translated", message)
     return made
 
 
