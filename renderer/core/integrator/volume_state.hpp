@@ -1,8 +1,7 @@
 // State of one worker in scenes with volumes, and how volumes attenuate shadow rays.
 #pragma once
 
-#include "integrator/rays/path_pool.hpp"
-#include "volume/cross_grids.hpp"
+#include "integrator/rays/cross_grids.hpp"
 
 namespace primray {
 

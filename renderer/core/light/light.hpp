@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "light/dome/dome.hpp"
-#include "light/sampler/segment_choice.hpp"
+#include "light/pivot.hpp"
 #include "light/shaping/shaping.hpp"
 #include "light/tree/light_hierarchy.hpp"
 #include "light/tree/light_tree.hpp"

@@ -144,4 +144,10 @@ PRIMRAY_INLINE vfloat<W> exp2(vfloat<W> x) {
   return select(whole < vint<W>(-126), vfloat<W>(0.0f), part * scale);
 }
 
+// e^-x.
+template <int W>
+PRIMRAY_INLINE vfloat<W> exp_of_minus(vfloat<W> x) {
+  return exp2(-1.44269504f * x);
+}
+
 }  // namespace primray

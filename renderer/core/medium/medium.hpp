@@ -11,11 +11,6 @@
 
 namespace primray {
 
-template <int W>
-PRIMRAY_INLINE vfloat<W> exp_of_minus(vfloat<W> x) {
-  return exp2(-1.44269504f * x);
-}
-
 // Distance beyond which a medium has no end: light from beyond all surfaces means that the mesh of the interior is open, and
 // such a medium absorbs nothing unless it scatters.
 constexpr float kEndless = 1e30f;

@@ -42,13 +42,21 @@ struct Range {
 // which the cell below along those axes reaches; entry 0 is of all.
 using FaceRanges = std::array<Range, 8>;
 
+// `values`: of a block. Rows along z have one length, so that they are compared several at a time.
 template <class Value>
-FaceRanges face_ranges(int channels, const Value& value) {
+FaceRanges face_ranges(int channels, const Value* values) {
   std::array<Range, 8> of;  // by which coordinates are 0
-  for (int v = 0; v < kLeafVoxels; ++v) {
-    Range& r = of[size_t((v / 64 == 0 ? 4 : 0) | (v / 8 % 8 == 0 ? 2 : 0) | (v % 8 == 0 ? 1 : 0))];
-    for (int c = 0; c < channels; ++c) r.add(value(size_t(v * channels + c)));
-  }
+  const int first = channels, row = kLeafSide * channels;
+  float numbers[3 * kLeafSide];
+  for (int x = 0; x < kLeafSide; ++x)
+    for (int y = 0; y < kLeafSide; ++y, values += row) {
+      for (int k = 0; k < row; ++k) numbers[k] = as_float(values[k]);
+      const int place = (x == 0 ? 4 : 0) | (y == 0 ? 2 : 0);
+      for (int k = 0; k < first; ++k) of[size_t(place | 1)].add(numbers[k]);
+      Range rest;
+      for (int k = first; k < row; ++k) rest.add(numbers[k]);
+      of[size_t(place)].add(rest);
+    }
   FaceRanges reached;
   for (int m = 0; m < 8; ++m)
     for (int k = 0; k < 8; ++k)
@@ -129,9 +137,8 @@ void add_blocks(const GridInput& grid, const GridValues<Value>& values, std::vec
     throw Error("volume-too-large", "the grids of the scene have more than 2^31 values");
   to.reserve(to.size() + (leaves + tiles) * size);
   const auto close_block = [&] {
-    const Value* own = &to[to.size() - size];
     const int32_t block = int32_t((to.size() - size) / kLeafVoxels);
-    blocks.put_ranges(block, face_ranges(grid.channels, [own](size_t k) { return as_float(own[k]); }));
+    blocks.put_ranges(block, face_ranges(grid.channels, &to[to.size() - size]));
     return block;
   };
   for (size_t i = 0; i < leaves; ++i) {

@@ -6,7 +6,7 @@
 // voxel beyond the leaf's own, which the ranges include: they bound the interpolated values exactly.
 #pragma once
 
-#include <cmath>
+#include <bit>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -15,11 +15,11 @@ namespace primray {
 
 constexpr int kLeafSide = 8, kLeafVoxels = 512, kNodeLeaves = 16, kNodeSide = 128, kNodeEntries = 4096;
 
-// 16-bit float (IEEE 754 binary16).
+// 16-bit float (IEEE 754 binary16), a finite one.
 inline float as_float(uint16_t half) {
-  const int exponent = half >> 10 & 31, fraction = half & 1023;
-  const float size = exponent == 0 ? std::ldexp(float(fraction), -24) : std::ldexp(float(fraction + 1024), exponent - 25);
-  return half >> 15 ? -size : size;
+  const uint32_t size = half & 0x7fffu;
+  const float value = size < 1024 ? float(size) * 0x1p-24f : std::bit_cast<float>((size << 13) + (112u << 23));
+  return half >> 15 ? -value : value;
 }
 inline float as_float(float value) { return value; }
 

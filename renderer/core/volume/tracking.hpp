@@ -15,7 +15,6 @@
 #pragma once
 
 #include "math/transcendental.hpp"
-#include "medium/medium.hpp"
 #include "sampler/sampler.hpp"
 #include "volume/cell_walk.hpp"
 

@@ -5,23 +5,12 @@
 #pragma once
 
 #include <algorithm>
-#include <cstdint>
 #include <vector>
 
+#include "light/pivot.hpp"
 #include "math/transcendental.hpp"
-#include "math/vec3.hpp"
 
 namespace primray {
-
-// A light as it is seen from segments.
-struct Pivot {
-  vec3 center;
-  float radius2;  // squared radius within which its light no longer grows
-  float power;
-  vec3 axis, apex;  // of the cone that it reaches
-  float cos_end;    // of the cone's half angle; 0: it reaches all directions
-  int32_t light;    // row
-};
 
 template <int W>
 struct Segment {

@@ -2,6 +2,7 @@
 // collision of paths, and the transmittance of shadow rays.
 #pragma once
 
+#include "integrator/rays/path_pool.hpp"
 #include "volume/next_volume.hpp"
 #include "volume/tracking.hpp"
 
