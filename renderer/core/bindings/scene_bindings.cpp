@@ -76,6 +76,7 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("has_clipping_planes", [](const Scene& s) { return !s.camera.clipping_planes.empty(); })
       .def_prop_ro("has_moving_camera", [](const Scene& s) { return bool(s.camera.moves); })
       .def_prop_ro("has_moving_instances", [](const Scene& s) { return bool(s.motion.any_instances); })
+      .def_prop_ro("has_moving_volumes", [](const Scene& s) { return s.volumes && s.volumes->any_moves(); })
       .def_prop_ro("has_moving_points", [](const Scene& s) { return bool(s.motion.any_points); })
       .def_prop_ro("has_moving_lights", [](const Scene& s) { return s.lights.motion.any(); })
       .def_prop_ro("media", [](const Scene& s) { return s.volumes ? s.volumes->media.size() : 0; })

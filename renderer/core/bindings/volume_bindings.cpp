@@ -6,13 +6,25 @@
 namespace primray {
 namespace {
 
-struct HeldMedium : MediumInput {
+template <class Volume>
+struct Held : Volume {
   InArray<double> held_matrices;
+  InArray<float> held_times;
 };
+using HeldMedium = Held<MediumInput>;
+using HeldEmission = Held<VolumeEmissionInput>;
 
-struct HeldEmission : VolumeEmissionInput {
-  InArray<double> held_matrices;
-};
+// Defines how instances of a volume are handed over.
+template <class Volume>
+void def_instances(nb::class_<Volume>& type) {
+  type.def_prop_rw("world_from_index", nullptr,
+                   [](Volume& v, InArray<double> a) {
+                     v.held_matrices = std::move(a), v.instances.world_from_index = span_of(v.held_matrices);
+                   })
+      .def_prop_rw("times", nullptr,
+                   [](Volume& v, InArray<float> a) { v.held_times = std::move(a), v.instances.times = span_of(v.held_times); })
+      .def_prop_rw("turns", nullptr, [](Volume& v, bool turns) { v.instances.turns = turns; });
+}
 
 // Returns the instances that were left out.
 OutArray<int64_t, 1> left_out_of(std::vector<int64_t> left_out) {
@@ -30,11 +42,11 @@ void bind_volumes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
       .def_rw("anisotropy", &HeldMedium::anisotropy);
   def_vec3(medium, "extinction", &HeldMedium::extinction);
   def_vec3(medium, "albedo", &HeldMedium::albedo);
-  def_array(medium, "world_from_index", &HeldMedium::held_matrices, &HeldMedium::world_from_index);
+  def_instances(medium);
   nb::class_<HeldEmission> emission(m, "VolumeEmissionInput");
   emission.def(nb::init<>()).def_rw("grid", &HeldEmission::grid);
   def_vec3(emission, "emission", &HeldEmission::emission);
-  def_array(emission, "world_from_index", &HeldEmission::held_matrices, &HeldEmission::world_from_index);
+  def_instances(emission);
   builder
       .def(
           "add_grid",

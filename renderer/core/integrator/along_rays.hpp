@@ -21,14 +21,14 @@ struct MediaExtent {
 // Returns the extent of the volumes' boxes on rays `m`.
 template <int W>
 PRIMRAY_RARE MediaExtent<W> extent_of_volumes(const VolumeTable& volumes, vbool<W> m, const vvec3<W>& o, const vvec3<W>& d,
-                                              vfloat<W> begin, vfloat<W> end) {
+                                              vfloat<W> begin, vfloat<W> end, vfloat<W> time) {
   using F = vfloat<W>;
   MediaExtent<W> all{F(kInfinity), F(0.0f), F(0.0f)};
   for (size_t i = 0; i < volumes.in_media.size(); ++i) {
     const VolumeTable::Medium& medium = volumes.media[size_t(volumes.in_media.of[i])];
     const GridTable::Row& row = volumes.grids.rows[size_t(medium.grid)];
     F from = begin, to = end;
-    clip_to_grid(row, GridRays<W>(volumes.in_media, vint<W>(int32_t(i)), o, d), from, to);
+    clip_to_grid(row, GridRays<W>(volumes.in_media, m, vint<W>(int32_t(i)), o, d, time), from, to);
     const vbool<W> crosses = m & (from < to);
     if (!any(crosses)) continue;
     all.from = select(crosses, min(all.from, from), all.from), all.to = select(crosses, max(all.to, to), all.to);
@@ -57,15 +57,15 @@ struct MediumAtPoint {
   PRIMRAY_INLINE vvec3<W> scattered() const { return scattering * weight; }
 };
 
-// Offers the volumes that contain points `p`.
+// Offers the volumes that contain points `p` at `time`.
 template <int W>
-PRIMRAY_RARE void offer_volumes(const VolumeTable& volumes, vbool<W> m, const vvec3<W>& p, vuint<W> seed,
+PRIMRAY_RARE void offer_volumes(const VolumeTable& volumes, vbool<W> m, const vvec3<W>& p, vfloat<W> time, vuint<W> seed,
                                 MediumAtPoint<W>& at) {
   using F = vfloat<W>;
   const vvec3<W> none(F(0.0f));
   for (size_t i = 0; i < volumes.in_media.size(); ++i) {
     const VolumeTable::Medium& medium = volumes.media[size_t(volumes.in_media.of[i])];
-    const vvec3<W> in_grid = GridRays<W>(volumes.in_media, vint<W>(int32_t(i)), p, none).o;
+    const vvec3<W> in_grid = GridRays<W>(volumes.in_media, m, vint<W>(int32_t(i)), p, none, time).o;
     const EventNumbers<W> numbers{seed ^ vuint<W>(uint32_t(i) * 0x632be59bu)};
     const VoxelChoice<W> near(in_grid, numbers.voxel());
     const GridRows<W> grid(volumes.grids, vint<W>(medium.grid));
@@ -98,7 +98,7 @@ PRIMRAY_RARE bool choose_along_rays(Round& round) {
     const PathLanes<W> p = pool.paths<W>(at, round.needs);
     F end = min(p.ray.tfar, select(load<W>(pool.geom + at) != vint<W>(-1), load<W>(pool.t + at), kInfinity));
     if (scene.lights.needs_hit_test) end = end_at_bodies(round, active & (p.bsdf_pdf == F(0.0f)), p, end);
-    const MediaExtent<W> extent = extent_of_volumes(*scene.volumes, active, p.ray.o, p.ray.d, p.ray.tnear, end);
+    const MediaExtent<W> extent = extent_of_volumes(*scene.volumes, active, p.ray.o, p.ray.d, p.ray.tnear, end, p.ray.time);
     const Segment<W> segment{p.ray.o, p.ray.d, extent.from, extent.to};
     const LightAlong<W> light(scene.lights.pivots, segment);
     const vbool<W> peaked = (p.depth == vint<W>(0)) | (light.peak * (extent.to - extent.from) > kPeaked * light.total);
@@ -134,7 +134,7 @@ PRIMRAY_RARE void send_along_rays(Round& round) {
     const vuint<W> seed = volume_seed<W>(p.sampler.seed, p.sampler.reversed_index, p.vertex);
     const V point = p.ray.o + p.ray.d * t;
     MediumAtPoint<W> medium;
-    offer_volumes(*scene.volumes, lit, point, seed, medium);
+    offer_volumes(*scene.volumes, lit, point, p.ray.time, seed, medium);
     lit &= medium.weight > F(0.0f);
     if (!any(lit)) continue;
 
@@ -163,7 +163,8 @@ PRIMRAY_RARE void sample_along_rays(Round& round) {
   for (int at = 0; at < pool.count; at += W)
     store(volumes.number + at, volume_seed<W>(load<W>(pool.seed + at) ^ vuint<W>(0x68bc21ebu),
                                               load<W>(pool.reversed_index + at), load<W>(pool.vertex + at)));
-  const VolumeRays rays{pool.ox, pool.oy, pool.oz, pool.dx, pool.dy, pool.dz, pool.tnear, state.t, volumes.number};
+  const VolumeRays rays{pool.ox, pool.oy,    pool.oz, pool.dx,        pool.dy,
+                        pool.dz, pool.tnear, state.t, volumes.number, round.needs.time ? pool.time : nullptr};
   attenuate<W>(*round.scene.volumes, rays, pool.count, volumes.passes, state.left[0], state.left[1], state.left[2]);
   send_along_rays<W>(round);
 }

@@ -29,7 +29,8 @@ PRIMRAY_RARE void collide_in_volumes(Round& round) {
     store(state.number + at,
           volume_seed<W>(load<W>(pool.seed + at), load<W>(pool.reversed_index + at), load<W>(pool.vertex + at)));
   }
-  const VolumeRays rays{pool.ox, pool.oy, pool.oz, pool.dx, pool.dy, pool.dz, pool.tnear, state.end, state.number};
+  const VolumeRays rays{pool.ox, pool.oy,    pool.oz,   pool.dx,      pool.dy,
+                        pool.dz, pool.tnear, state.end, state.number, round.needs.time ? pool.time : nullptr};
   sample_collisions<W>(
       *round.scene.volumes, rays, pool.count, state.passes,
       {state.end, pool.beta_r, pool.beta_g, pool.beta_b, state.instance, state.albedo[0], state.albedo[1], state.albedo[2]});

@@ -82,7 +82,8 @@ PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, 
   if (scene.volumes && scene.volumes->in_emissions.any()) {
     const B volume = useful & is_type(LightRow<W>(lights, light).type(), LightType::kVolume);
     if (any(volume))
-      sample_volume_point(*scene.volumes, volume, light, from, p.sampler.bits_of(bounce, Purpose::kEmitter), u.u, u.v, s);
+      sample_volume_point(*scene.volumes, volume, light, from, p.sampler.bits_of(bounce, Purpose::kEmitter), u.u, u.v,
+                          p.ray.time, s);
   }
   return s;
 }

@@ -116,7 +116,7 @@ PRIMRAY_RARE void arrive_special(Round& round, int at, vbool<W> active, const vv
 template <int W, class Arrive>
 PRIMRAY_RARE void arrive_through_volumes(Round& round, const ShadowQueue& q, const Arrive& arrive_at) {
   VolumeState& state = *round.worker.volumes;
-  attenuate_shadows<W>(*round.scene.volumes, state, q);
+  attenuate_shadows<W>(*round.scene.volumes, state, q, round.needs.time);
   for (int at = 0; at < q.count; at += W) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(q.count - at);
     arrive_at(at, active & (load<W>(state.shadow_end + at) > vfloat<W>(0.0f)), state.left_at<W>(at),

@@ -51,7 +51,8 @@ PRIMRAY_INLINE void begin_emission(const Round& round, vbool<W> fresh, vint<W> r
     const F chosen = lights.links.any() ? linked_probability_of(lights, number, sampled, from, normal,
                                                                 round.needs.links ? gather<W>(pool.link, ray) : I(kUnlinkedRow))
                                         : probability_of(lights, number, sampled, from, normal);
-    relative = select(sampled, chosen * gather<W>(volumes.relative_density.data(), instance), relative);
+    const F time = round.needs.time ? gather<W>(pool.time, ray) : F(0.0f);
+    relative = select(sampled, chosen * EmissionPlaces<W>(volumes, sampled, instance, time).relative_density, relative);
   }
   events.relative = select(fresh, relative, events.relative);
 
@@ -82,11 +83,12 @@ PRIMRAY_RARE void gather_volume_emission(Round& round) {
     if (const vbool<W> sees_body = active & (p.bsdf_pdf == F(0.0f)); any(sees_body))
       store(state.end + at, end_at_bodies(round, sees_body, p, load<W>(state.end + at)));
   }
-  const VolumeRays rays{pool.ox, pool.oy, pool.oz, pool.dx, pool.dy, pool.dz, pool.tnear, state.end, state.number};
+  const VolumeRays rays{pool.ox, pool.oy,    pool.oz,   pool.dx,      pool.dy,
+                        pool.dz, pool.tnear, state.end, state.number, round.needs.time ? pool.time : nullptr};
   pass_volumes<W>(volumes.grids, volumes.in_emissions, rays, pool.count, state.passes, [&](const VolumePasses& tasks) {
     const auto load = [&](vbool<W> fresh, vint<W> numbers, EmissionEvents<W>& events) {
       begin_emission(round, fresh, gather<W>(tasks.ray, numbers), gather<W>(tasks.instance, numbers), events);
-      TrackingTask<W> task = tracking_task<W>(volumes.in_emissions, rays, tasks, numbers);
+      TrackingTask<W> task = tracking_task<W>(volumes.in_emissions, rays, tasks, fresh, numbers);
       task.seed = mix(task.seed ^ vuint<W>(0x2545f491u));
       return task;
     };

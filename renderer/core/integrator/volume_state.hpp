@@ -43,12 +43,15 @@ PRIMRAY_RARE void put_shadow_seeds(vbool<W> m, ShadowQueue& queue, const PathLan
   Compaction<W>(m).append(queue.number + queue.count, seed);
 }
 
-// Attenuates what is left of the queue's rays.
+// Attenuates what is left of the queue's rays. `has_time`: of the paths (PathNeeds).
 template <int W>
-PRIMRAY_RARE void attenuate_shadows(const VolumeTable& volumes, VolumeState& state, const ShadowQueue& q) {
+PRIMRAY_RARE void attenuate_shadows(const VolumeTable& volumes, VolumeState& state, const ShadowQueue& q, bool has_time) {
   for (int at = 0; at < q.count; at += kPool) {
-    const VolumeRays rays{q.ox + at,    q.oy + at, q.oz + at, q.dx + at, q.dy + at, q.dz + at, nullptr, state.shadow_end + at,
-                          q.number + at};
+    const VolumeRays rays{q.ox + at,     q.oy + at,
+                          q.oz + at,     q.dx + at,
+                          q.dy + at,     q.dz + at,
+                          nullptr,       state.shadow_end + at,
+                          q.number + at, has_time ? q.time + at : nullptr};
     attenuate<W>(volumes, rays, std::min(kPool, q.count - at), state.passes, state.left[0] + at, state.left[1] + at,
                  state.left[2] + at);
   }

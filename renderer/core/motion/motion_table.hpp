@@ -63,9 +63,10 @@ struct MotionTable {
   }
 };
 
-// Replaces the matrices of those lanes of `m` whose `instance` moves.
-template <int W>
-PRIMRAY_RARE void move_instances(const MotionTable& table, vbool<W> m, vint<W> instance, vfloat<W> time, AffineLanes<W>& to) {
+// Replaces the matrices of those lanes of `m` whose `instance` moves by `of` their matrices at the lanes' times.
+template <int W, class Of>
+PRIMRAY_RARE void move_instances(const MotionTable& table, vbool<W> m, vint<W> instance, vfloat<W> time, AffineLanes<W>& to,
+                                 const Of& of) {
   alignas(64) float rows[12][W];
   const vvec3<W>* columns[4] = {&to.x, &to.y, &to.z, &to.o};
   for (int c = 0; c < 4; ++c)
@@ -75,11 +76,16 @@ PRIMRAY_RARE void move_instances(const MotionTable& table, vbool<W> m, vint<W> i
     const MovingInstances* in = table.find(instance[i]);
     if (!in) continue;
     float now[12];
-    put_columns(table.at(*in, uint32_t(instance[i] - in->first), time[i]), now);
+    put_columns(of(table.at(*in, uint32_t(instance[i] - in->first), time[i])), now);
     for (int c = 0; c < 12; ++c) rows[c][i] = now[c];
   }
   const auto column = [&](int c) { return vvec3<W>(load<W>(rows[c]), load<W>(rows[c + 1]), load<W>(rows[c + 2])); };
   to.x = column(0), to.y = column(3), to.z = column(6), to.o = column(9);
+}
+
+template <int W>
+PRIMRAY_INLINE void move_instances(const MotionTable& table, vbool<W> m, vint<W> instance, vfloat<W> time, AffineLanes<W>& to) {
+  move_instances(table, m, instance, time, to, [](const daffine& matrix) { return matrix; });
 }
 
 // Moving vertices: their positions in the scene's arrays at the times of W rays.

@@ -235,7 +235,9 @@ struct Scene {
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
   // Whether rays have times.
-  bool moves() const { return camera.moves || motion.any_instances || motion.any_points || lights.any_moves(); }
+  bool moves() const {
+    return camera.moves || motion.any_instances || motion.any_points || lights.any_moves() || (volumes && volumes->any_moves());
+  }
   // Whether it has something that this build lacks (base/features.hpp).
   bool needs_left_out() const;
   int64_t memory_bytes() const;

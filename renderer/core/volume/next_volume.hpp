@@ -11,6 +11,12 @@ struct VolumeRays {
   const float* begin;  // null: all rays begin at 0
   const float* end;
   const uint32_t* number;  // seeds of random numbers
+  const float* time;       // null: nothing moves
+
+  template <int W>
+  PRIMRAY_INLINE vfloat<W> time_of(vint<W> ray) const {
+    return time ? gather<W>(time, ray) : vfloat<W>(0.0f);
+  }
 };
 
 // Instance that a ray enters next, and its part of the ray; -1: none.
@@ -20,13 +26,44 @@ struct NextVolume {
   vfloat<W> from, to;
 };
 
-// Rays in the coordinates of a grid.
+// Returns the matrix to the grid of an instance that is at `core_from_grid`; one whose volume has vanished is out of all rays'
+// reach.
+inline daffine grid_from_core(const daffine& core_from_grid) {
+  const dvec3 none(0.0);
+  return is_regular(core_from_grid) ? inverse(core_from_grid) : daffine{none, none, none, dvec3(1e30)};
+}
+
+// Rays `m` in the coordinates of a grid, at their times.
 template <int W>
 struct GridRays {
   vvec3<W> o, d;
-  PRIMRAY_INLINE GridRays(const VolumePlacements& placed, vint<W> instance, const vvec3<W>& origin, const vvec3<W>& direction) {
-    const AffineLanes<W> to(placed.index_from_core.data(), instance * vint<W>(12));
+  PRIMRAY_INLINE GridRays(const VolumePlacements& placed, vbool<W> m, vint<W> instance, const vvec3<W>& origin,
+                          const vvec3<W>& direction, vfloat<W> time) {
+    AffineLanes<W> to(placed.index_from_core.data(), instance * vint<W>(12));
+    if (placed.motion.any_instances) move_instances(placed.motion, m, instance, time, to, grid_from_core);
     o = to.vector(origin) + to.o, d = to.vector(direction);
+  }
+};
+
+// Where the grids of emitting instances are at the times of lanes `m`, and the densities of their light samples (see
+// VolumeTable::relative_density).
+template <int W>
+struct EmissionPlaces {
+  AffineLanes<W> core_from_grid;
+  vfloat<W> relative_density;
+  PRIMRAY_INLINE EmissionPlaces(const VolumeTable& v, vbool<W> m, vint<W> instance, vfloat<W> time)
+      : core_from_grid(v.core_from_grid.data(), instance * vint<W>(12)),
+        relative_density(gather<W>(v.relative_density.data(), instance)) {
+    if (v.in_emissions.motion.any_instances) move(v, m, instance, time);
+  }
+
+ private:
+  PRIMRAY_RARE void move(const VolumeTable& v, vbool<W> m, vint<W> instance, vfloat<W> time) {
+    move_instances(v.in_emissions.motion, m, instance, time, core_from_grid);
+    const vfloat<W> size = abs(dot(cross(core_from_grid.x, core_from_grid.y), core_from_grid.z));
+    for (uint32_t b = bits(m); b; b &= b - 1)
+      if (const int i = __builtin_ctz(b); v.in_emissions.motion.find(instance[i]))
+        relative_density.set(i, relative_density[i] / std::max(size[i], 1e-30f));
   }
 };
 
@@ -44,7 +81,7 @@ PRIMRAY_INLINE void clip_to_grid(const GridTable::Row& row, const GridRays<W>& r
 
 // Finds the volume that one ray enters after `last` (in the order of distances, then of instances) and before `end`.
 inline NextVolume<1> next_in_hierarchy(const GridTable& grids, const VolumePlacements& placed, const vvec3<1>& o,
-                                       const vvec3<1>& d, float begin, float end, const NextVolume<1>& last) {
+                                       const vvec3<1>& d, float begin, float end, float time, const NextVolume<1>& last) {
   const float origin[3] = {o.x[0], o.y[0], o.z[0]}, way[3] = {d.x[0], d.y[0], d.z[0]};
   NextVolume<1> found{vint<1>(-1), vfloat<1>(end), vfloat<1>(end)};
   int32_t stack[64];
@@ -68,7 +105,7 @@ inline NextVolume<1> next_in_hierarchy(const GridTable& grids, const VolumePlace
       const int32_t i = placed.order[size_t(k)];
       const GridTable::Row& row = grids.rows[size_t(placed.grid[size_t(i)])];
       vfloat<1> enters(begin), leaves(end);
-      clip_to_grid(row, GridRays<1>(placed, vint<1>(i), o, d), enters, leaves);
+      clip_to_grid(row, GridRays<1>(placed, vbool<1>(true), vint<1>(i), o, d, vfloat<1>(time)), enters, leaves);
       const float t = enters[0], of_last = last.from[0];
       const bool after = last.instance[0] < 0 || t > of_last || (t == of_last && i > last.instance[0]);
       const bool before = t < found.from[0] || (t == found.from[0] && found.instance[0] >= 0 && i < found.instance[0]);
@@ -81,7 +118,8 @@ inline NextVolume<1> next_in_hierarchy(const GridTable& grids, const VolumePlace
 // Finds the volumes that rays of lanes `m` enter after `last` and before `end`.
 template <int W>
 PRIMRAY_RARE NextVolume<W> next_volume(const GridTable& grids, const VolumePlacements& placed, vbool<W> m, const vvec3<W>& o,
-                                       const vvec3<W>& d, vfloat<W> begin, vfloat<W> end, const NextVolume<W>& last) {
+                                       const vvec3<W>& d, vfloat<W> begin, vfloat<W> end, vfloat<W> time,
+                                       const NextVolume<W>& last) {
   using F = vfloat<W>;
   using I = vint<W>;
   NextVolume<W> found{I(-1), end, end};
@@ -93,7 +131,7 @@ PRIMRAY_RARE NextVolume<W> next_volume(const GridTable& grids, const VolumePlace
       if (!m[k]) continue;
       const vvec3<1> origin{vfloat<1>(o.x[k]), vfloat<1>(o.y[k]), vfloat<1>(o.z[k])};
       const vvec3<1> way{vfloat<1>(d.x[k]), vfloat<1>(d.y[k]), vfloat<1>(d.z[k])};
-      const NextVolume<1> one = next_in_hierarchy(grids, placed, origin, way, begin[k], end[k],
+      const NextVolume<1> one = next_in_hierarchy(grids, placed, origin, way, begin[k], end[k], time[k],
                                                   {vint<1>(last.instance[k]), vfloat<1>(last.from[k]), vfloat<1>(0.0f)});
       instance[k] = one.instance[0], from[k] = one.from[0], to[k] = one.to[0];
     }
@@ -102,7 +140,7 @@ PRIMRAY_RARE NextVolume<W> next_volume(const GridTable& grids, const VolumePlace
   for (int32_t i = 0; i < int32_t(placed.size()); ++i) {
     const GridTable::Row& row = grids.rows[size_t(placed.grid[size_t(i)])];
     F from = begin, to = end;
-    clip_to_grid(row, GridRays<W>(placed, I(i), o, d), from, to);
+    clip_to_grid(row, GridRays<W>(placed, m, I(i), o, d, time), from, to);
     const vbool<W> after = (last.instance < I(0)) | (from > last.from) | ((from == last.from) & (I(i) > last.instance));
     const vbool<W> is = m & (from < to) & after & (from < found.from);
     found.instance = select(is, I(i), found.instance), found.from = select(is, from, found.from);

@@ -16,14 +16,43 @@ constexpr int kMostInLeaf = 2;
 // them.
 constexpr double kEvents = 16;
 
-// Returns the box of a grid's positions with other values than 0, mapped by `m`; slightly larger than rounding makes it.
-Box mapped_box(const GridTable::Row& row, const daffine& m) {
-  Box box;
+// Corner of the box of a grid's positions with other values than 0.
+dvec3 corner_of(const GridTable::Row& row, int corner) {
+  const auto at = [&](int a) { return double(corner >> a & 1 ? row.high[a] : row.low[a]); };
+  return {at(0), at(1), at(2)};
+}
+
+void add_mapped(const GridTable::Row& row, const daffine& m, Box& box) {
   for (int corner = 0; corner < 8; ++corner) {
-    const auto at = [&](int a) { return double(corner >> a & 1 ? row.high[a] : row.low[a]); };
-    const dvec3 p = m.point({at(0), at(1), at(2)});
+    const dvec3 p = m.point(corner_of(row, corner));
     box.add(vec3{float(p.x), float(p.y), float(p.z)});
   }
+}
+
+// Number of parts of a segment over which instances turn, whose ends are bounded.
+constexpr int kTurnParts = 32;
+
+// Adds the path of a grid's box over one segment, in which it turns. Corners leave the chords between the ends of parts by at
+// most an eighth of their greatest acceleration, times the part's length squared; for a rotation R at the rate w, and a stretch
+// S that changes by D, the acceleration of R S c is at most w^2 |S c| + 2 w |D c|.
+void add_turned(const GridTable::Row& row, const PoseSegment& a, const PoseSegment& b, const daffine& index_from_grid,
+                Box& box) {
+  const double w = 2 * a.half_angle;
+  double acceleration = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const dvec3 c = index_from_grid.point(corner_of(row, corner));
+    const auto stretched = [&](const PoseSegment& s) { return s.stretch[0] * c.x + s.stretch[1] * c.y + s.stretch[2] * c.z; };
+    const dvec3 first = stretched(a), last = stretched(b);
+    acceleration = std::max(acceleration, w * w * std::max(length(first), length(last)) + 2 * w * length(last - first));
+  }
+  const float off = float(acceleration / (8 * kTurnParts * kTurnParts));
+  Box parts;
+  for (int k = 0; k <= kTurnParts; ++k) add_mapped(row, between(a, b, double(k) / kTurnParts) * index_from_grid, parts);
+  box.add(parts.low - vec3(off)), box.add(parts.high + vec3(off));
+}
+
+// Enlarges a box by more than rounding makes of its corners.
+Box widened(Box box) {
   for (float vec3::* a : {&vec3::x, &vec3::y, &vec3::z}) {
     const float slack = 1e-6f * std::max(std::fabs(box.low.*a), std::fabs(box.high.*a));
     box.low.*a -= slack, box.high.*a += slack;
@@ -33,11 +62,38 @@ Box mapped_box(const GridTable::Row& row, const daffine& m) {
 
 }  // namespace
 
-void VolumePlacements::add(int32_t row, int32_t grid_number, const GridTable::Row& bounds, const daffine& core_from_grid) {
-  of.push_back(row), grid.push_back(grid_number);
+daffine VolumePlacements::add(int32_t row, int32_t grid_number, const GridTable::Row& bounds, const VolumePath& path) {
+  Box box;
+  daffine middle = path.core_from_index.front() * path.index_from_grid;
+  if (!path.clock) {
+    add_mapped(bounds, middle, box);
+  } else {
+    const size_t times = path.core_from_index.size();
+    MovingInstances m{int32_t(of.size()),
+                      1,
+                      motion.clock_of(*path.clock),
+                      path.turns,
+                      path.turns ? motion.turning.size() : motion.linear.size() / 12,
+                      path.index_from_grid};
+    if (path.turns) {
+      motion.turning.resize(m.base + times);
+      make_pose_segments(path.core_from_index.data(), times, &motion.turning[m.base]);
+      for (size_t k = m.base; k + 1 < m.base + times; ++k)
+        add_turned(bounds, motion.turning[k], motion.turning[k + 1], path.index_from_grid, box);
+    } else {
+      for (const daffine& at : path.core_from_index) {
+        motion.linear.resize(motion.linear.size() + 12);
+        put_columns(at * path.index_from_grid, &motion.linear[motion.linear.size() - 12]);
+        add_mapped(bounds, at * path.index_from_grid, box);
+      }
+    }
+    motion.instances.push_back(m), motion.any_instances = true;
+    middle = motion.at(m, 0, 0.5f);
+  }
+  of.push_back(row), grid.push_back(grid_number), boxes.push_back(widened(box));
   index_from_core.resize(index_from_core.size() + 12);
-  put_columns(inverse(core_from_grid), &index_from_core[index_from_core.size() - 12]);
-  boxes.push_back(mapped_box(bounds, core_from_grid));
+  put_columns(inverse(middle), &index_from_core[index_from_core.size() - 12]);
+  return middle;
 }
 
 int64_t VolumeTable::memory_bytes() const {
@@ -45,7 +101,8 @@ int64_t VolumeTable::memory_bytes() const {
   int64_t total = bytes(grids.node_of, grids.node_ranges, grids.leaf_of, grids.leaf_ranges, grids.floats, grids.halves, cells,
                         cell_cdf, event_rate, relative_density, light_of, core_from_grid, instance_of_light);
   for (const VolumePlacements* p : {&in_media, &in_emissions})
-    total += bytes(p->of, p->grid, p->index_from_core, p->boxes, p->nodes, p->order);
+    total += bytes(p->of, p->grid, p->index_from_core, p->boxes, p->nodes, p->order, p->motion.linear, p->motion.turning,
+                   p->motion.instances);
   return total;
 }
 
@@ -71,16 +128,24 @@ void put(const vec3& v, double factor, float* to) {
   to[0] = float(v.x * factor), to[1] = float(v.y * factor), to[2] = float(v.z * factor);
 }
 
-// Calls f(core_from_grid) for each instance; returns those whose matrix is singular or not finite. `first`: voxel at the origin
-// of the grid's coordinates.
+// Calls f(path) for each instance; returns those whose matrix is singular or not finite. `first`: voxel at the origin of the
+// grid's coordinates.
 template <class F>
-std::vector<int64_t> for_instances(std::span<const double> world_from_index, const daffine& core_from_world, const dvec3& first,
+std::vector<int64_t> for_instances(const VolumeInstances& instances, const daffine& core_from_world, const dvec3& first,
                                    const F& f) {
   std::vector<int64_t> left_out;
-  for (size_t i = 0; i < world_from_index.size() / 12; ++i) {
-    const daffine core_from_index = core_from_world * affine_from_rows(&world_from_index[12 * i]);
-    if (is_regular(core_from_index))
-      f(core_from_index * daffine{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, first});
+  const size_t times = std::max<size_t>(instances.times.size(), 1), count = instances.world_from_index.size() / (12 * times);
+  const MotionClock clock = clock_of_times(instances.times);
+  VolumePath path{std::vector<daffine>(times), {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, first}};
+  path.clock = instances.times.empty() ? nullptr : &clock, path.turns = instances.turns;
+  for (size_t i = 0; i < count; ++i) {
+    bool regular = true;
+    for (size_t k = 0; k < times; ++k) {
+      path.core_from_index[k] = core_from_world * affine_from_rows(&instances.world_from_index[12 * (k * count + i)]);
+      regular &= is_regular(path.core_from_index[k]);
+    }
+    if (regular)
+      f(path);
     else
       left_out.push_back(int64_t(i));
   }
@@ -103,9 +168,9 @@ std::vector<int64_t> VolumeTable::add_medium(const MediumInput& input, const daf
   }
   const GridTable::Row& row = grids.rows[size_t(input.grid)];
   media.push_back(medium);
-  return for_instances(input.world_from_index, core_from_world, first, [&](const daffine& core_from_grid) {
+  return for_instances(input.instances, core_from_world, first, [&](const VolumePath& path) {
     if (row.most > 0 && std::max({medium.extinction[0], medium.extinction[1], medium.extinction[2]}) > 0)
-      in_media.add(int32_t(media.size()) - 1, medium.grid, row, core_from_grid);
+      in_media.add(int32_t(media.size()) - 1, medium.grid, row, path);
   });
 }
 
@@ -122,17 +187,18 @@ std::vector<int64_t> VolumeTable::add_emission(const VolumeEmissionInput& input,
   for (int32_t k = emission.first_cell; k < emission.first_cell + emission.cells; ++k)
     weight += double(cells[size_t(k)].most) * std::pow(double(cells[size_t(k)].side), 3);
   emissions.push_back(emission);
-  const auto place = [&](const daffine& core_from_grid) {
+  const auto place = [&](const VolumePath& path) {
     if (!shines) return;
-    in_emissions.add(int32_t(emissions.size()) - 1, emission.grid, row, core_from_grid);
+    const daffine core_from_grid = in_emissions.add(int32_t(emissions.size()) - 1, emission.grid, row, path);
     const Box& box = in_emissions.boxes.back();
     event_rate.push_back(float(kEvents / (row.most * std::max(double(length(box.high - box.low)), 1e-30))));
-    relative_density.push_back(float(1 / (event_rate.back() * weight * std::fabs(core_from_grid.determinant()))));
+    const double size = path.clock ? 1 : std::fabs(core_from_grid.determinant());
+    relative_density.push_back(float(1 / (event_rate.back() * weight * size)));
     light_of.push_back(-1);
     this->core_from_grid.resize(this->core_from_grid.size() + 12);
     put_columns(core_from_grid, &this->core_from_grid[this->core_from_grid.size() - 12]);
   };
-  return for_instances(input.world_from_index, core_from_world, first_voxels[size_t(input.grid)], place);
+  return for_instances(input.instances, core_from_world, first_voxels[size_t(input.grid)], place);
 }
 
 // Lists the cells that a walk through leaves finds (cell_walk.hpp): nodes with one value, and leaves of other nodes.

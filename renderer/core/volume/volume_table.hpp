@@ -6,36 +6,53 @@
 
 #include "math/box.hpp"
 #include "math/matrix.hpp"
+#include "motion/motion_table.hpp"
 #include "volume/grid_table.hpp"
 
 namespace primray {
 
+// Instances of a volume as the builder receives them.
+struct VolumeInstances {
+  std::span<const double> world_from_index;  // 12 numbers by time and instance: rows of a 3x4 matrix
+  std::span<const float> times;              // from 0 to 1; empty: they do not move, and there is one time
+  bool turns = false;                        // between times rotations turn, and the rest is linear; else all is linear
+};
+
 // A medium as the builder receives it.
 struct MediumInput {
-  int grid = -1;                             // its values are the density
-  vec3 extinction{0.0f, 0.0f, 0.0f};         // per unit of density and of the scene's lengths
-  vec3 albedo{1.0f, 1.0f, 1.0f};             // single-scattering albedo
-  int albedo_grid = -1;                      // its values are multiplied with the albedo, voxel by voxel; -1: none
-  float anisotropy = 0;                      // mean cosine of the phase function
-  std::span<const double> world_from_index;  // 12 numbers by instance: rows of a 3x4 matrix
+  int grid = -1;                      // its values are the density
+  vec3 extinction{0.0f, 0.0f, 0.0f};  // per unit of density and of the scene's lengths
+  vec3 albedo{1.0f, 1.0f, 1.0f};      // single-scattering albedo
+  int albedo_grid = -1;               // its values are multiplied with the albedo, voxel by voxel; -1: none
+  float anisotropy = 0;               // mean cosine of the phase function
+  VolumeInstances instances;
 };
 
 // Emission of a volume as the builder receives it.
 struct VolumeEmissionInput {
   int grid = -1;                    // of one channel or three
   vec3 emission{1.0f, 1.0f, 1.0f};  // radiance per unit of the grid's values and of the scene's lengths; not times extinction
-  std::span<const double> world_from_index;
+  VolumeInstances instances;
 };
 
 // Up to this number of instances, each is tested by every ray; beyond, the hierarchy is traversed ray by ray.
 constexpr size_t kFewVolumes = 8;
 
+// Path of one instance.
+struct VolumePath {
+  std::vector<daffine> core_from_index;  // by time
+  daffine index_from_grid;               // of the grid's coordinates
+  const MotionClock* clock = nullptr;    // null: it does not move, and has one matrix
+  bool turns = false;
+};
+
 // Instances of media, or of emission.
 struct VolumePlacements {
   std::vector<int32_t> of;             // by instance: the row of its medium or emission
   std::vector<int32_t> grid;           // by instance
-  std::vector<float> index_from_core;  // 12 floats by instance: columns x, y, z, origin
-  std::vector<Box> boxes;              // by instance, in the core's space
+  std::vector<float> index_from_core;  // 12 floats by instance: columns x, y, z, origin; of moving ones: in the span's middle
+  std::vector<Box> boxes;              // by instance, in the core's space, around its path
+  MotionTable motion;                  // core_from_grid of moving instances, each by itself
 
   // Hierarchy of the boxes. Children of an inner node are adjacent.
   struct Node {
@@ -47,7 +64,8 @@ struct VolumePlacements {
 
   bool any() const { return !of.empty(); }
   size_t size() const { return of.size(); }
-  void add(int32_t row, int32_t grid_number, const GridTable::Row& bounds, const daffine& core_from_grid);
+  // Adds an instance, and returns its core_from_grid, in the middle of the span.
+  daffine add(int32_t row, int32_t grid_number, const GridTable::Row& bounds, const VolumePath& path);
   // Builds the hierarchy.
   void finish();
 };
@@ -80,19 +98,20 @@ struct VolumeTable {
   std::vector<float> cell_cdf;  // by cell: sum of those up to it, in parts of the emission's; the last one's is 1
   VolumePlacements in_emissions;
   // By instance of emission: events per unit of value and of the core's lengths (tracking_emission.hpp); density of points that
-  // light sampling finds, by volume in the core's space and relative to the rate of events there; the light's row, or -1; and
-  // where it is: 12 floats.
+  // light sampling finds, by volume in the core's space (of moving instances: in the grid's) and relative to the rate of events
+  // there; the light's row, or -1; and where it is: 12 floats.
   std::vector<float> event_rate, relative_density;
   std::vector<int32_t> light_of;
   std::vector<float> core_from_grid;
   std::vector<int32_t> instance_of_light;  // by light's row; -1: no volume
 
   bool any() const { return in_media.any() || in_emissions.any(); }
+  bool any_moves() const { return in_media.motion.any_instances || in_emissions.motion.any_instances; }
   int64_t memory_bytes() const;
   // Adds a grid and returns its number.
   int add_grid(GridInput grid);
   // Add a medium or emission, for a scene that is recentred and scaled by `core_from_world`. They return the instances that are
-  // left out because their matrix is singular or not finite.
+  // left out because their matrix is singular or not finite, at any time.
   std::vector<int64_t> add_medium(const MediumInput& input, const daffine& core_from_world, double scale);
   std::vector<int64_t> add_emission(const VolumeEmissionInput& input, const daffine& core_from_world, double scale);
   void finish() { in_media.finish(), in_emissions.finish(); }

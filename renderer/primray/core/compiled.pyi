@@ -332,6 +332,8 @@ class Scene:
     @property
     def has_moving_instances(self) -> bool: ...
     @property
+    def has_moving_volumes(self) -> bool: ...
+    @property
     def has_moving_points(self) -> bool: ...
     @property
     def has_moving_lights(self) -> bool: ...
@@ -858,6 +860,10 @@ class MediumInput:
 
     world_from_index: NDArray[numpy.float64]
 
+    times: NDArray[numpy.float32]
+
+    turns: bool
+
 class VolumeEmissionInput:
     def __init__(self) -> None: ...
     @property
@@ -868,6 +874,10 @@ class VolumeEmissionInput:
     emission: Sequence[float]
 
     world_from_index: NDArray[numpy.float64]
+
+    times: NDArray[numpy.float32]
+
+    turns: bool
 
 class DistortionInput:
     def __init__(self) -> None: ...

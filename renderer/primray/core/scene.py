@@ -185,6 +185,7 @@ class CoreScene:
             (s.has_clipping_planes, "clipping planes", "the camera has clippingPlanes"),
             (s.has_moving_camera, "moving camera", "it moves while its shutter is open"),
             (s.has_moving_instances, "moving instances", "shapes or instances move while the shutter is open"),
+            (s.has_moving_volumes, "moving volumes", "volumes move while the shutter is open"),
             (s.has_moving_points, "moving vertices", "meshes deform while the shutter is open"),
             (s.has_moving_lights, "moving lights", "lights move while the shutter is open"),
             (s.domes > 0, "dome", "the scene has a DomeLight"),

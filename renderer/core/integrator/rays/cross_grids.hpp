@@ -59,7 +59,7 @@ PRIMRAY_INLINE void pass_volumes(const GridTable& grids, const VolumePlacements&
       const vvec3<W> d{gather<W>(rays.dx, ray), gather<W>(rays.dy, ray), gather<W>(rays.dz, ray)};
       const vfloat<W> begin = rays.begin ? gather<W>(rays.begin, ray) : vfloat<W>(0.0f);
       const NextVolume<W> last{gather<W>(passes.last_instance, ray), gather<W>(passes.last_from, ray), vfloat<W>(0.0f)};
-      const NextVolume<W> next = next_volume(grids, placed, m, o, d, begin, gather<W>(rays.end, ray), last);
+      const NextVolume<W> next = next_volume(grids, placed, m, o, d, begin, gather<W>(rays.end, ray), rays.time_of(ray), last);
       const Compaction<W> c(m & (next.instance >= I(0)));
       c.append(passes.ray + passes.count, ray), c.append(passes.instance + passes.count, next.instance);
       c.append(passes.from + passes.count, next.from), c.append(passes.to + passes.count, next.to);
@@ -77,13 +77,13 @@ PRIMRAY_INLINE void pass_volumes(const GridTable& grids, const VolumePlacements&
   }
 }
 
-// Returns the tracking tasks `numbers` of a pass, without extinction.
+// Returns the tracking tasks `numbers` of a pass in lanes `m`, without extinction.
 template <int W>
 PRIMRAY_INLINE TrackingTask<W> tracking_task(const VolumePlacements& placed, const VolumeRays& rays, const VolumePasses& passes,
-                                             vint<W> numbers) {
+                                             vbool<W> m, vint<W> numbers) {
   const vint<W> ray = gather<W>(passes.ray, numbers), instance = gather<W>(passes.instance, numbers);
-  const GridRays<W> in_grid(placed, instance, {gather<W>(rays.ox, ray), gather<W>(rays.oy, ray), gather<W>(rays.oz, ray)},
-                            {gather<W>(rays.dx, ray), gather<W>(rays.dy, ray), gather<W>(rays.dz, ray)});
+  const GridRays<W> in_grid(placed, m, instance, {gather<W>(rays.ox, ray), gather<W>(rays.oy, ray), gather<W>(rays.oz, ray)},
+                            {gather<W>(rays.dx, ray), gather<W>(rays.dy, ray), gather<W>(rays.dz, ray)}, rays.time_of(ray));
   const vuint<W> seed = bit_cast<vuint<W>>(gather<W>(reinterpret_cast<const int32_t*>(rays.number), ray));
   return {gather<W>(placed.grid.data(), instance),
           {in_grid.o, in_grid.d, gather<W>(passes.from, numbers), gather<W>(passes.to, numbers), vvec3<W>(vfloat<W>(0.0f))},
@@ -91,8 +91,8 @@ PRIMRAY_INLINE TrackingTask<W> tracking_task(const VolumePlacements& placed, con
 }
 template <int W>
 PRIMRAY_INLINE TrackingTask<W> medium_task(const VolumeTable& volumes, const VolumeRays& rays, const VolumePasses& passes,
-                                           vint<W> numbers) {
-  TrackingTask<W> task = tracking_task(volumes.in_media, rays, passes, numbers);
+                                           vbool<W> m, vint<W> numbers) {
+  TrackingTask<W> task = tracking_task(volumes.in_media, rays, passes, m, numbers);
   task.segment.extinction = MediumLanes<W>(volumes, gather<W>(passes.instance, numbers)).extinction();
   return task;
 }
@@ -111,7 +111,7 @@ PRIMRAY_RARE void sample_collisions(const VolumeTable& volumes, const VolumeRays
   pass_volumes<W>(volumes.grids, volumes.in_media, rays, count, passes, [&](const VolumePasses& tasks) {
     const auto load = [&](vbool<W> fresh, vint<W> numbers, CollisionEvents<W>& events) {
       const vint<W> ray = gather<W>(tasks.ray, numbers);
-      const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, numbers);
+      const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, fresh, numbers);
       events.begin(fresh, task.segment, {gather<W>(found.r, ray), gather<W>(found.g, ray), gather<W>(found.b, ray)});
       return task;
     };
@@ -147,7 +147,7 @@ PRIMRAY_RARE void attenuate(const VolumeTable& volumes, const VolumeRays& rays, 
                             float* g, float* b) {
   pass_volumes<W>(volumes.grids, volumes.in_media, rays, count, passes, [&](const VolumePasses& tasks) {
     const auto load = [&](vbool<W> fresh, vint<W> numbers, TransmittanceEvents<W>& events) {
-      const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, numbers);
+      const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, fresh, numbers);
       events.begin(fresh, task.segment);
       return task;
     };

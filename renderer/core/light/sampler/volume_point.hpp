@@ -7,14 +7,14 @@
 #include "light/types/light_row.hpp"
 #include "sampler/sampler.hpp"
 #include "volume/grid_lookup.hpp"
-#include "volume/volume_table.hpp"
+#include "volume/next_volume.hpp"
 
 namespace primray {
 
-// Samples points of the emission that `light` is, seen from `from`, in lanes `m`, by the numbers `u`, `v` and `bits`.
+// Samples points of the emission that `light` is, seen from `from` at `time`, in lanes `m`, by the numbers `u`, `v` and `bits`.
 template <int W>
 PRIMRAY_RARE void sample_volume_point(const VolumeTable& volumes, vbool<W> m, vint<W> light, const vvec3<W>& from,
-                                      vuint<W> bits_, vfloat<W> u, vfloat<W> v, LightSample<W>& s) {
+                                      vuint<W> bits_, vfloat<W> u, vfloat<W> v, vfloat<W> time, LightSample<W>& s) {
   using F = vfloat<W>;
   using I = vint<W>;
   const I instance = gather<W>(volumes.instance_of_light.data(), select(m, light, I(light[__builtin_ctz(bits(m))])));
@@ -45,13 +45,13 @@ PRIMRAY_RARE void sample_volume_point(const VolumeTable& volumes, vbool<W> m, vi
   const vvec3<W> color = grid.color(near.x, near.y, near.z);
 
   // Compute its direction and radiance
-  const AffineLanes<W> place(volumes.core_from_grid.data(), instance * I(12));
-  const vvec3<W> to = place.vector(p) + place.o - from;
+  const EmissionPlaces<W> places(volumes, m, instance, time);
+  const vvec3<W> to = places.core_from_grid.vector(p) + places.core_from_grid.o - from;
   const F d2 = max(dot(to, to), 1e-30f), d = sqrt(d2);
   const vvec3<W> radiance{bit_cast<F>(emission(3)), bit_cast<F>(emission(4)), bit_cast<F>(emission(5))};
   const vvec3<W> L = radiance * color * (1.0f / (most * gather<W>(volumes.event_rate.data(), instance)));
   s.wi = select(m, to * (1.0f / d), s.wi), s.t = select(m, d, s.t), s.L = select(m, L, s.L);
-  s.pdf = select(m, gather<W>(volumes.relative_density.data(), instance) * d2, s.pdf);
+  s.pdf = select(m, places.relative_density * d2, s.pdf);
   s.is_delta &= !m;
 }
 
