@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..description import VolumeEmission, VolumeMedium
+from ..description.motion import handed_over
 from ..volumes.volume_grid import VolumeGrid
 from . import compiled
 from .inputs import filled
@@ -30,7 +31,7 @@ class VolumeUpload:
                 extinction=medium.extinction,
                 albedo=medium.albedo,
                 anisotropy=medium.anisotropy,
-                world_from_index=_rows(medium.matrices),
+                **_instances(medium),
             )
             self._note(medium.path, len(self._builder.add_medium(made)))
         for emission in emissions:
@@ -38,7 +39,7 @@ class VolumeUpload:
                 compiled.VolumeEmissionInput(),
                 grid=self._grid(emission.grid),
                 emission=emission.emission,
-                world_from_index=_rows(emission.matrices),
+                **_instances(emission),
             )
             self._note(emission.path, len(self._builder.add_volume_emission(glow)))
 
@@ -72,6 +73,10 @@ class VolumeUpload:
             self._warnings.append(("singular-transform", path, message))
 
 
-def _rows(matrices: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return the first three rows of matrices (N, 4, 4), as the core has them."""
-    return np.ascontiguousarray(matrices[:, :3], np.float64).ravel()
+def _instances(volume: VolumeMedium | VolumeEmission) -> dict[str, Any]:
+    """Return the core's inputs of a volume's instances: the first three rows of each matrix, at each time if they move."""
+    motion = volume.motion
+    if motion is None:
+        return {"world_from_index": np.ascontiguousarray(volume.matrices[:, :3], np.float64).ravel()}
+    rows = np.ascontiguousarray(motion.matrices, np.float64).ravel()
+    return {"world_from_index": rows, "times": handed_over(motion.times), "turns": motion.turns}

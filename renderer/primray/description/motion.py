@@ -68,7 +68,7 @@ class MatrixMotion:
     """Matrices at times of the exposure."""
 
     times: Doubles  # (S + 1,)
-    matrices: Doubles  # (S + 1, 4, 4)
+    matrices: Doubles  # (S + 1, 4, 4); of N instances (S + 1, N, 3, 4)
     turns: bool = False  # rotations take the shorter way at constant speed, the rest is linear; else everything is linear
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Doubles
+from .motion import MatrixMotion
 from .placement import Box, transformed_box
 from .shading import Color
 
@@ -31,7 +32,8 @@ class VolumeMedium:
     albedo: Color  # single scattering albedo
     albedo_grid: VolumeGrid | None = None  # three numbers a voxel, multiplied with `albedo`, on the index space of `grid`
     anisotropy: float = 0.0  # g of Henyey and Greenstein; above 0 light is scattered forward
-    matrices: Doubles  # (N, 4, 4) world_from_index, one for each instance
+    matrices: Doubles  # (N, 4, 4) world_from_index, one for each instance, at the frame
+    motion: MatrixMotion | None = None  # of the instances
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,7 +43,8 @@ class VolumeEmission:
     path: str  # of the Volume prim
     grid: VolumeGrid  # of one or three numbers a voxel, at least 0
     emission: Color  # radiance per scene length, and per unit of a value
-    matrices: Doubles  # (N, 4, 4) world_from_index, one for each instance
+    matrices: Doubles  # (N, 4, 4) world_from_index, one for each instance, at the frame
+    motion: MatrixMotion | None = None  # of the instances
 
 
 def volume_boxes(volumes: Iterable[VolumeMedium | VolumeEmission]) -> Doubles:

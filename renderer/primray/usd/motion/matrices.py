@@ -15,7 +15,7 @@ import numpy as np
 from ...arrays import Doubles
 from ...description import MatrixInstances, MatrixMotion, MotionSteps, MovingInstances
 from ...description.placement import Box, Instances, Placement, all_names, named_levels, put_rotations, transformed_box
-from .levels import any_moves, product_at, times_of
+from .levels import Rows, any_moves, product_at, times_of
 from .sample_times import Steps, corners_of, fractions, sample_times
 from .timing import Pixels, Timing
 
@@ -60,7 +60,7 @@ def sampled_instances(
 ) -> MovingInstances | Instances:
     path = matrix_path(levels, blur_scale, box, precision)
     frame = product_at(levels, 0.0)
-    if all(np.array_equal(path.at(time), frame) for time in (0.0, *path.bends, 0.5, 1.0) if 0.0 <= time <= 1.0):
+    if stays_at(path, frame):
         return MatrixInstances(frame, names=all_names(named_levels(levels)))
     motion, steps = sampled_motion(path, precision.most)
     precision.steps.append(steps.of(name, "instances", path.no_error))
@@ -68,15 +68,20 @@ def sampled_instances(
 
 
 def matrix_path(levels: Sequence[Instances], blur_scale: float, box: Box, precision: MotionPrecision) -> MatrixPath:
+    return path_of_rows(lambda offset: product_at(levels, offset), times_of(levels), blur_scale, box, precision)
+
+
+def path_of_rows(rows_at: Rows, times: Sequence[float], blur_scale: float, box: Box, precision: MotionPrecision) -> MatrixPath:
+    """Return the path of matrices (K, 3, 4) that place a box; `times`: the offsets from the frame at which it may bend."""
     timing = precision.timing
     known: dict[float, Doubles] = {}
 
     def at(fraction: float) -> Doubles:
         if fraction not in known:
-            known[fraction] = product_at(levels, blur_scale * timing.offset(fraction))
+            known[fraction] = rows_at(blur_scale * timing.offset(fraction))
         return known[fraction]
 
-    bends = fractions(times_of(levels), timing.span, blur_scale)
+    bends = fractions(times, timing.span, blur_scale)
     inside = sorted(time for time in bends if 0 < time < 1)
     swept = [transformed_box(at(time), box) for time in (0.0, *inside, 0.5, 1.0)]
     low, high = np.min([s[0] for s in swept], axis=0), np.max([s[1] for s in swept], axis=0)
@@ -84,6 +89,11 @@ def matrix_path(levels: Sequence[Instances], blur_scale: float, box: Box, precis
     size = float((np.linalg.norm(high - low, axis=1) * scales).max())
     rounding = ROUNDING * float((np.maximum(np.abs(low), np.abs(high)).max(axis=1) * scales).max())
     return MatrixPath(at, bends, corners_of(*box), scales, max(min(PIXELS_NO_ERROR, SIZE_NO_ERROR * size), rounding))
+
+
+def stays_at(path: MatrixPath, frame: Doubles) -> bool:
+    """Return whether all matrices are those of the frame (K, 3, 4) at all times."""
+    return all(np.array_equal(path.at(time), frame) for time in (0.0, *path.bends, 0.5, 1.0) if 0.0 <= time <= 1.0)
 
 
 def sampled_motion(path: MatrixPath, most: float, *, rigid: bool = False) -> tuple[MatrixMotion, Steps]:

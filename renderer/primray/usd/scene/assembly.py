@@ -177,6 +177,8 @@ def choose_times(
     scene.placements = [at_seam(placement) for placement in scene.placements]
     for number, path in scene.moving_lights:
         scene.lights[number] = with_motion(scene.lights[number], path, precision, ctx)
+    for volume_path in scene.volume_paths:
+        volume_path.sample(scene.media, scene.volume_emissions, precision)
     for k, prototype in enumerate(scene.prototypes):
         if prototype.placements:
             scene.prototypes[k] = replace(prototype, placements=tuple(map(at_seam, prototype.placements)))

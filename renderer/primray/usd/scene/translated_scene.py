@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from ...arrays import Doubles
 from ...description import Light, MovingInstances, Placed, Placement, Prototype, Shape, Sphere, VolumeEmission, VolumeMedium
@@ -19,6 +20,9 @@ from ..lights.motion import LightPath
 from .context import Context
 from .inheritance import ResolvedPrim
 from .poses import Poses
+
+if TYPE_CHECKING:  # loaded only where a stage has volumes
+    from ..volumes.motion import VolumePath
 
 ShapeAdapter = Callable[[ResolvedPrim, Context], Shape | None]
 LightAdapter = Callable[[AuthoredLight, Doubles], Light | None]  # at a matrix world_from_light
@@ -84,6 +88,7 @@ class TranslatedScene:
     lights: list[Light] = field(default_factory=list)
     media: list[VolumeMedium] = field(default_factory=list)
     volume_emissions: list[VolumeEmission] = field(default_factory=list)
+    volume_paths: list[VolumePath] = field(default_factory=list)  # of volumes that move
     has_lights: bool = False  # even if none of them emits anything
     number: dict[int, int] = field(default_factory=dict)  # prototype's index by group
     blur_scales: dict[int, float] = field(default_factory=dict)  # by prototype
@@ -104,4 +109,5 @@ class TranslatedScene:
             any(isinstance(level, MovingInstances) for placement in placements for level in placement.levels)
             or any(not isinstance(shape, Sphere) and shape.motion is not None for shape in self.shapes)
             or any(light.motion is not None for light in self.lights)
+            or any(volume.motion is not None for volume in self.volumes)
         )

@@ -21,6 +21,7 @@ from ..scene.context import Context
 from .coefficients import BLACK, Coefficients, Lobe
 from .fields import Field, field_named
 from .linear_forms import LinearForm, linear_form
+from .motion import move_together
 from .node_arrays import NodeArrays
 from .shaders import density_name
 
@@ -87,6 +88,7 @@ class VolumeMaker:
     instances: Doubles  # (N, 4, 4) world_from_group
     path: str
     ctx: Context
+    placed: list[tuple[Doubles, Field]] = field(default_factory=list)  # matrices of volumes, and the fields that they are of
     _invalid: int = field(default=0)  # values that were not finite
 
     def media(self) -> Iterator[VolumeMedium]:
@@ -125,7 +127,9 @@ class VolumeMaker:
         return r, g, b
 
     def _placed(self, of: Field) -> Doubles:
-        return self.instances @ of.group_from_index
+        found = of.placed(self.instances)
+        self.placed.append((found, of))
+        return found
 
     def _exact(self, forms: Sequence[LinearForm], lobes: Sequence[Lobe]) -> Iterator[VolumeMedium]:
         """Yield media of the fields' own grids; `forms`: absorption, then the scattering of each lobe."""
@@ -229,7 +233,11 @@ class VolumeMaker:
             self.ctx.warn("material-input", self.path, message)
             return _domain_of([self.fields[name]]), True
         first = "density" if "density" in names else names[0]
-        return _domain_of([self.fields[first], *(self.fields[name] for name in names if name != first)]), False
+        read = [self.fields[first], *(self.fields[name] for name in names if name != first)]
+        if self.ctx.timing.is_open and not move_together([field.motion for field in read], self.ctx.timing):
+            message = f"The fields of which its {what} is made move in different ways: it is what they make at the frame, "
+            self.ctx.warn("motion", self.path, message + f"and moves with the field {first}.")
+        return _domain_of(read), False
 
     def _fields_read(self, operands: Sequence[Operand]) -> list[str]:
         """Return the names of the fields that operands depend on, in order of use."""

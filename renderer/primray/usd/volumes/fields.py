@@ -14,8 +14,9 @@ from ...volumes.volume_grid import LEVEL_SET, VolumeGrid
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim, local_matrix, transforms, world_matrix
 from ..stage.reads import property_names, targets, type_name
-from ..stage.values import read
+from ..stage.values import matrix, read
 from .files import UnreadableGridError, grid_of_file
+from .motion import FieldMotion, TransformPath, namespace_path
 
 _PREFIX = "field:"
 # Types of values by fieldDataType, as OpenVDB calls them.
@@ -41,7 +42,15 @@ class Field:
     path: str
     grid_name: str  # in its file
     grid: VolumeGrid
-    group_from_index: Doubles  # (4, 4), to the space of the group that the Volume is in
+    group_from_index: Doubles  # (4, 4), to the space of the group that the Volume is in, at the frame
+    motion: FieldMotion | None = None  # None: it moves only with its group
+    instant: float = 0.0  # offset from the frame at which matrices hold
+
+    def placed(self, instances: Doubles) -> Doubles:
+        """Return world_from_index (N, 4, 4) at the frame for instances world_from_group (N, 4, 4) of the Volume."""
+        if self.motion is not None and self.motion.in_world:
+            return self.motion.at(self.instant)[None]
+        return np.asarray(instances @ self.group_from_index)
 
     @cached_property
     def largest(self) -> float:
@@ -56,11 +65,23 @@ def field_named(fields: Mapping[str, Field], name: str) -> Field | None:
     return found if found is not None else next((field for field in fields.values() if field.grid_name == name), None)
 
 
-def fields_of(volume: ResolvedPrim, group_from_volume: Doubles, is_in_world: bool, ctx: Context) -> dict[str, Field]:
+def fields_of(
+    volume: ResolvedPrim, group_from_volume: Doubles, instances: Doubles, is_in_world: bool, instant: float, ctx: Context
+) -> dict[str, Field]:
     """Return the fields of a Volume by name; those that cannot be read are reported.
 
-    `is_in_world`: `group_from_volume` is its matrix in the world.
+    `instances`: world_from_group (N, 4, 4). `is_in_world`: `group_from_volume` is its matrix in the world. `instant`: the
+    offset from the frame, in time codes, at which matrices hold.
     """
+    where = _VolumePlace(
+        prim=volume.prim,
+        group_from_volume=group_from_volume,
+        instances=instances,
+        is_in_world=is_in_world and volume.mover is None,
+        moves=volume.mover is not None,
+        instant=instant,
+        ctx=ctx,
+    )
     found: dict[str, Field] = {}
     for name, prim in _field_prims(volume, ctx):
         path = ctx.shown(str(prim.GetPath()))
@@ -68,11 +89,20 @@ def fields_of(volume: ResolvedPrim, group_from_volume: Doubles, is_in_world: boo
         if made is None:
             continue
         grid_name, grid = made
-        group_from_field = _group_from_field(volume, prim, group_from_volume, is_in_world, ctx)
-        if group_from_field is None or not np.isfinite(group_from_field).all():
+        placed = _field_place(where, prim)
+        if placed is None or not np.isfinite(placed[0]).all():
             ctx.warn("invalid-transform", path, "Its transform, or that of its Volume, is not usable: the field is ignored.")
             continue
-        found[name] = Field(name, path, grid_name, grid, group_from_field @ grid.field_from_index)
+        group_from_field, motion = placed
+        found[name] = Field(
+            name=name,
+            path=path,
+            grid_name=grid_name,
+            grid=grid,
+            group_from_index=group_from_field @ grid.field_from_index,
+            motion=None if motion is None else motion.within(grid.field_from_index),
+            instant=instant,
+        )
     return found
 
 
@@ -143,35 +173,73 @@ def _check_type(prim: Usd.Prim, names: frozenset[str], path: str, has: str, is_f
         ctx.warn("volume-values", path, message, "fieldClass")
 
 
-def _group_from_field(
-    volume: ResolvedPrim, prim: Usd.Prim, group_from_volume: Doubles, is_in_world: bool, ctx: Context
-) -> Doubles | None:
-    """Return the field's matrix; None where it has none.
+@dataclass(frozen=True, eq=False)
+class _VolumePlace:
+    """Where a Volume is, to place its fields."""
+
+    prim: Usd.Prim
+    group_from_volume: Doubles  # (4, 4); of a moving Volume the group's space is that of its mover
+    instances: Doubles  # (N, 4, 4) world_from_group
+    is_in_world: bool  # the group's space is the world
+    moves: bool
+    instant: float  # offset from the frame at which the matrices hold
+    ctx: Context
+
+    @cached_property
+    def path(self) -> TransformPath:
+        """The path of its own namespace."""
+        return namespace_path(self.prim, self.ctx)
+
+    @cached_property
+    def moves_in_world(self) -> bool:
+        """Whether it moves and is placed once, where its own namespace says."""
+        if not self.moves or len(self.instances) != 1:
+            return False
+        own = self.path.at(self.instant)
+        return bool(np.allclose(self.instances[0] @ self.group_from_volume, own, rtol=1e-9, atol=1e-9 * np.abs(own).max()))
+
+
+def _field_place(volume: _VolumePlace, prim: Usd.Prim) -> tuple[Doubles, FieldMotion | None] | None:
+    """Return group_from_field at the frame, and the motion that is not the group's; None where it has no place.
 
     A field below its Volume has the Volume's transform and its own. A field elsewhere is where its own namespace says; in a
     prototype it keeps its place relative to the Volume.
     """
+    ctx = volume.ctx
     cache = transforms(ctx.when)
     between = Gf.Matrix4d(1.0)
+    prims: list[Usd.Prim] = []
     above = prim
     while above and above != volume.prim and not above.IsPseudoRoot():
         local, resets = local_matrix(above, frozenset(property_names(above)), ctx.when, cache)
         between = between * local
+        prims.append(above)
         if resets:
             above = Usd.Prim()
             break
         above = above.GetParent()
     if above and above == volume.prim:
-        return group_from_volume @ _columns(between)
-    field = _columns(world_matrix(prim, ctx.when, cache))
-    if is_in_world:
-        return field
+        inner = TransformPath(prims, ctx)
+        if not inner.moves:
+            return volume.group_from_volume @ matrix(between), None
+        below = FieldMotion(lambda offset: volume.group_from_volume @ inner.at(offset), inner.times, in_world=False)
+        return below.at(volume.instant), below
+    path = namespace_path(prim, ctx)
+    if volume.is_in_world and not path.moves:
+        return matrix(world_matrix(prim, ctx.when, cache)), None
+    own = FieldMotion(path.at, path.times, in_world=True)
+    if volume.is_in_world:
+        return own.at(volume.instant), own
+
+    def relative(offset: float) -> Doubles:
+        return volume.group_from_volume @ np.linalg.inv(volume.path.at(offset)) @ path.at(offset)
+
     try:
-        volume_from_space = np.linalg.inv(_columns(world_matrix(volume.prim, ctx.when, cache)))
+        group_from_field = relative(volume.instant)
     except np.linalg.LinAlgError:
         return None
-    return group_from_volume @ volume_from_space @ field
-
-
-def _columns(matrix: Gf.Matrix4d) -> Doubles:
-    return np.array(matrix, np.float64).T
+    if volume.moves_in_world:
+        return group_from_field, own
+    moves = path.moves or volume.path.moves
+    times = tuple(sorted({*path.times, *volume.path.times}))
+    return group_from_field, FieldMotion(relative, times, in_world=False) if moves else None

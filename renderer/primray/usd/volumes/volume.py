@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from ...arrays import Doubles
+from ...description import VolumeEmission, VolumeMedium
 from ...description.placement import chunks
 from ..instancing.instances import Chain
-from ..motion.levels import any_moves
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..scene.translated_scene import TranslatedScene
@@ -15,6 +16,7 @@ from .baking import TooLargeError, VolumeMaker
 from .coefficients import UnusableShaderError
 from .fields import fields_of
 from .files import TOO_LARGE
+from .motion import VolumePath, VolumePlace
 from .shaders import coefficients_of, storm_fallback
 
 
@@ -25,11 +27,13 @@ def add_volume(
     scene.record.is_plain = False  # any edit is a new translation, which reads no file again
     if "extent" not in leaf.names:
         ctx.findings.unbounded_shapes.add(leaf.path)  # USD computes none for a Volume
-    fields = fields_of(leaf, group_from_prim, is_in_world and leaf.mover is None, ctx)
+    blur_scale = leaf.inherited.blur_scale
+    instant = 0.0 if ctx.timing.is_open else ctx.timing.opens * blur_scale
+    placed, usable = _placements(leaf, chains, ctx)
+    fields = fields_of(leaf, group_from_prim, placed, is_in_world, instant, ctx)
     if not fields:
         ctx.warn("volume-field", leaf.path, "It has no field that can be read: it is not rendered.")
         return
-    placed = _placements(leaf, chains, ctx)
     coefficients = coefficients_of(leaf.material, fields, leaf.path, ctx)
     maker = VolumeMaker(coefficients=coefficients, fields=fields, instances=placed, path=leaf.path, ctx=ctx)
     try:
@@ -43,14 +47,37 @@ def add_volume(
         ctx.warn(TOO_LARGE, leaf.path, f"It is not rendered: {error}.")
         return
     ctx.warn("volume-convention", leaf.path, maker.coefficients.convention)
+    if ctx.timing.is_open:
+        _add_paths(scene, media, emissions, maker, VolumePlace(leaf.path, chains, usable, blur_scale))
     scene.media += media
     scene.volume_emissions += emissions
 
 
-def _placements(leaf: ResolvedPrim, chains: list[Chain], ctx: Context) -> Doubles:
-    """Return world_from_group (N, 4, 4) of all instances at the frame; those whose matrices are singular are left out."""
-    if leaf.mover is not None or any(map(any_moves, chains)):
-        ctx.warn("motion", leaf.path, "It moves while the shutter is open: volumes are not blurred.")
+def _add_paths(
+    scene: TranslatedScene, media: list[VolumeMedium], emissions: list[VolumeEmission], maker: VolumeMaker, place: VolumePlace
+) -> None:
+    """Add the paths of media and emissions that move, one for each field that they are at."""
+    fields = {id(matrices): of for matrices, of in maker.placed}
+    paths: dict[str, VolumePath] = {}
+
+    def path_of(volume: VolumeMedium | VolumeEmission) -> VolumePath | None:
+        of = fields[id(volume.matrices)]
+        if of.motion is None and not place.moves:
+            return None
+        return paths.setdefault(of.name, VolumePath(place, of.group_from_index, of.motion))
+
+    for k, medium in enumerate(media, len(scene.media)):
+        if (path := path_of(medium)) is not None:
+            path.media.append(k)
+    for k, emission in enumerate(emissions, len(scene.volume_emissions)):
+        if (path := path_of(emission)) is not None:
+            path.emissions.append(k)
+    scene.volume_paths += paths.values()
+
+
+def _placements(leaf: ResolvedPrim, chains: list[Chain], ctx: Context) -> tuple[Doubles, npt.NDArray[np.bool_]]:
+    """Return world_from_group (N, 4, 4) of the instances at the frame, without those whose matrices are singular, and which of
+    all instances they are."""
     rows = np.concatenate([rows for chain in chains for rows in chunks(chain)])
     found = np.zeros((len(rows), 4, 4))
     found[:, :3], found[:, 3, 3] = rows, 1.0
@@ -59,5 +86,4 @@ def _placements(leaf: ResolvedPrim, chains: list[Chain], ctx: Context) -> Double
     if not usable.all():
         count = int(np.count_nonzero(~usable))
         ctx.warn("singular-transform", leaf.path, f"{count} instances have a singular or non-finite matrix and are left out.")
-    chosen: Doubles = found[usable]
-    return chosen
+    return found[usable], usable
