@@ -374,9 +374,10 @@ class FirstHitTask {
       light(active, gathered);
       if (!any(hit)) return;
       Interaction<W> it = interact(scene_, hit, p.ray, hits);
-      B hidden(false);
+      B hidden = bounds_volume(scene_, hit, it.surface);  // light passes, and what is inside has no first hit
+      hit &= !hidden;
       if (scene_.camera_visibility.any()) {
-        hidden = scene_.camera_visibility.lanes_with(CameraVisibility::kHidden, hit & direct, it.surface);
+        hidden |= scene_.camera_visibility.lanes_with(CameraVisibility::kHidden, hit & direct, it.surface);
         hit &= !(hidden | scene_.camera_visibility.lanes_with(CameraVisibility::kMatte, hit & direct, it.surface));
       }
       SurfaceRows<W> rows(scene_.surfaces, it.surface);

@@ -45,6 +45,14 @@ std::tuple<OutArray<int32_t, 1>, OutArray<int32_t, 1>, OutArray<int32_t, 1>, siz
 }  // namespace
 
 void bind_scene(nb::module_& m) {
+  nb::class_<FogInput> fog(m, "FogInput");
+  fog.def(nb::init<>())
+      .def_rw("density", &FogInput::density)
+      .def_rw("anisotropy", &FogInput::anisotropy)
+      .def_rw("falloff", &FogInput::falloff)
+      .def_prop_rw("top", nullptr, [](FogInput& f, Numbers<double> v) { f.top = dvec3_of(v); })
+      .def_prop_rw("up", nullptr, [](FogInput& f, Numbers<double> v) { f.up = dvec3_of(v); });
+  def_vec3(fog, "albedo", &FogInput::albedo), def_vec3(fog, "emission", &FogInput::emission);
   nb::class_<Scene>(m, "Scene")
       .def_prop_ro("memory_bytes", &Scene::memory_bytes)
       .def_prop_ro("has_instances", [](const Scene& s) { return bool(s.has_instances); })
@@ -117,6 +125,7 @@ void bind_scene(nb::module_& m) {
              const size_t count = left_out.size();
              return to_numpy(std::move(left_out), {count});
            })
+      .def("set_fog", &SceneBuilder::set_fog)
       .def("set_exposure", &SceneBuilder::set_exposure)
       .def("set_rolling_shutter", &SceneBuilder::set_rolling_shutter)
       .def("end_placement", &SceneBuilder::end_placement)

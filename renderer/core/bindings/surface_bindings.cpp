@@ -82,6 +82,10 @@ void bind_surface(nb::module_& m) {
   nb::class_<HairInput> hair(m, "HairInput");
   hair.def(nb::init<>());
   for_each_hair_input([&](const char* name, InputRange, auto member) { def_input<HairInput>(hair, name, member); });
+  nb::class_<VolumeInput> volume(m, "VolumeInput");
+  volume.def(nb::init<>()).def_rw("anisotropy", &VolumeInput::anisotropy);
+  def_vec3(volume, "extinction", &VolumeInput::extinction), def_vec3(volume, "scattering", &VolumeInput::scattering);
+  def_vec3(volume, "emission", &VolumeInput::emission);
   nb::enum_<CameraVisibility>(m, "CameraVisibility")
       .value("seen", CameraVisibility::kSeen)
       .value("hidden", CameraVisibility::kHidden)
@@ -94,9 +98,11 @@ void bind_surface(nb::module_& m) {
       .def_rw("dielectric_priority", &SurfaceInput::dielectric_priority)
       .def_rw("camera", &SurfaceInput::camera)
       .def_rw("presence", &SurfaceInput::presence)
-      .def_rw("thin", &SurfaceInput::thin);
+      .def_rw("thin", &SurfaceInput::thin)
+      .def_rw("interface", &SurfaceInput::interface);
   surface.def_prop_rw("open_pbr", nullptr, [](SurfaceInput& s, const OpenPbrInput& o) { s.open_pbr = o; });
   surface.def_prop_rw("hair", nullptr, [](SurfaceInput& s, const HairInput& h) { s.hair = h; });
+  surface.def_prop_rw("volume", nullptr, [](SurfaceInput& s, const VolumeInput& v) { s.volume = v; });
   for_each_input(
       [&](InputField, const char* name, InputRange, auto member) { def_input<SurfaceInput>(surface, name, member); });
   nb::class_<InputSource> source(m, "InputSource");

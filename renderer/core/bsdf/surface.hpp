@@ -36,6 +36,12 @@ struct CameraVisibilityTable {
   }
 };
 
+// Homogeneous medium inside a closed shape, per world unit of length; `emission` is radiance per length.
+struct VolumeInput {
+  vec3 extinction{0.0f}, scattering{0.0f}, emission{0.0f};
+  float anisotropy = 0;
+};
+
 // Inputs with the names of UsdPreviewSurface (scene description, not lanes).
 struct SurfaceInput : VaryingInputs<vec3, float> {
   SurfaceInput()
@@ -56,6 +62,9 @@ struct SurfaceInput : VaryingInputs<vec3, float> {
   CameraVisibility camera = CameraVisibility::kSeen;
   std::optional<OpenPbrInput> open_pbr;
   std::optional<HairInput> hair;
+  // What is inside. Without an interface the surface only bounds it: light passes, and overlapping volumes add.
+  std::optional<VolumeInput> volume;
+  bool interface = true;
 };
 
 // Columns of a row: floats, but for kFlags and kOpenPbrRow, which are integers as their bits.

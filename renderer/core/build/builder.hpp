@@ -29,6 +29,15 @@ class PlacedNormals {
   double factor_;
 };
 
+// Fog per world unit of length: of that density below the plane through `top` with normal `up` (0: everywhere).
+struct FogInput {
+  double density = 0;
+  vec3 albedo{0.0f}, emission{0.0f};
+  float anisotropy = 0;
+  dvec3 top{0.0, 0.0, 0.0}, up{0.0, 0.0, 0.0};
+  double falloff = 0;
+};
+
 class SceneBuilder {
  public:
   // world point -> (world - origin) * scale; scale is a power of two, so that it causes no rounding.
@@ -90,6 +99,8 @@ class SceneBuilder {
   void end_placement();
   // Used in place of add_instances(), once per placement: `rows` are 12 doubles for each time and, within it, instance.
   std::vector<int64_t> add_moving_instances(std::span<const float> times, bool turns, std::span<const double> rows);
+  // Fills the scene with fog (medium/fog.hpp).
+  void set_fog(const FogInput& fog);
   // Sets rays' times: the shutter's part of the span that all times refer to, and the frame's time.
   void set_exposure(double opens, double closes, double frame);
   // Sets the rolling shutter: the delay per column and row of the frame, in parts of the span, relative to set_exposure().
@@ -137,6 +148,7 @@ class SceneBuilder {
   // Sets the motion samples of the current group's vertices.
   void take_clock(std::span<const float> times);
   int32_t append_primvar(std::span<const float> values);
+  void add_volume(int32_t surface, const SurfaceInput& constants);
   // Stores the object space of a shape's row, if its surface reads it.
   void record_object_space(std::vector<int32_t>& of, size_t row, int32_t surface, const daffine& group_from_object);
   void add_mesh_steps(const MeshInput& mesh, const daffine& group_from_object);

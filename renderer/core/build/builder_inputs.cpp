@@ -17,6 +17,29 @@ int32_t SceneBuilder::append_primvar(std::span<const float> values) {
   return at;
 }
 
+void SceneBuilder::add_volume(int32_t surface, const SurfaceInput& s) {
+  Interiors& interiors = scene_->interiors;
+  if (s.interface) {
+    interiors.filled.push_back({surface, *s.volume});
+    return;
+  }
+  const float per_length = float(1 / scene_->scale);
+  const VolumeInput& v = *s.volume;
+  interiors.volume_of.resize(size_t(surface), -1);
+  interiors.volume_of.push_back(int32_t(interiors.volumes.size()));
+  interiors.volumes.push_back(
+      {v.extinction * per_length, v.scattering * per_length, v.emission * per_length, v.anisotropy, s.camera});
+}
+
+void SceneBuilder::set_fog(const FogInput& input) {
+  const double scale = scene_->scale;
+  Fog& fog = scene_->interiors.fog;
+  fog.extinction = float(input.density / scale), fog.albedo = input.albedo;
+  fog.emission = input.emission * float(1 / scale), fog.phase = input.anisotropy;
+  fog.up = vec3(input.up), fog.top = float(dot(input.up, input.top - scene_->origin) * scale);
+  fog.falloff = float(input.falloff * scale);
+}
+
 int32_t SceneBuilder::add_surface(const SurfaceInput& constants, std::vector<InputSource> varying, int tape) {
   Scene& s = *scene_;
   s.surface_inputs_of.push_back(varying.empty() ? -1 : int32_t(s.surface_inputs.size()));
@@ -25,7 +48,8 @@ int32_t SceneBuilder::add_surface(const SurfaceInput& constants, std::vector<Inp
   const int32_t row = s.surfaces.add(constants);
   if (constants.dielectric_priority != 0) priorities.resize(size_t(row), 0.0f);
   if (constants.dielectric_priority != 0 || !priorities.empty()) priorities.push_back(constants.dielectric_priority);
-  s.camera_visibility.add(size_t(row), constants.camera);
+  s.camera_visibility.add(size_t(row), constants.interface ? constants.camera : CameraVisibility::kSeen);
+  if (constants.volume) add_volume(row, constants);
   return row;
 }
 

@@ -85,6 +85,7 @@ template <int W>
 PRIMRAY_RARE void put_camera_media(Round& round, int at, const Compaction<W>& c) {
   MediumState<W> state;
   for (int k = 0; k < kMaxNestedMedia; ++k) state.stack.surfaces[k] = vint<W>(round.scene.interiors.camera[k]);
+  state.volumes = vint<W>(round.worker.medium_states->sets.of_camera());
   round.worker.medium_states->pool->put(at, c, state);
 }
 

@@ -60,6 +60,29 @@ PRIMRAY_RARE void update_gap_marks(Round& round, vbool<W> straight, const Vertex
   }
 }
 
+// Passes the boundaries of volumes straight, into the volume or out of it, and removes them from `hit`. What the camera sees
+// through them has the alpha of what is seen through a gap, less what the media extinguish.
+template <int W>
+PRIMRAY_RARE void pass_volumes(Round& round, int at, const PathLanes<W>& p, const SurfaceHit<W>& surface, vbool<W>& hit) {
+  const vbool<W> m = bounds_volume(round.scene, hit, surface.it.surface);
+  if (!any(m)) return;
+  hit &= !m;
+  if (PathLog* const log = path_log<W>(round)) log->add("pass", p).why = "the surface only bounds a volume";
+  mark_gaps(round, m & (p.depth == vint<W>(0)), p);
+  MediumStateStore& media = *round.worker.medium_states;
+  MediumState<W> state = media.pool->template at<W>(at);
+  cross_boundaries(round.scene, media.sets, m, surface.hits, surface.it.surface, surface.front, state.volumes);
+  // The origin stays: an offset would skip surfaces that are almost where the boundary is, such as the walls of a room full of
+  // fog. Media are counted from the boundary on. To hit it twice changes nothing.
+  state.origin_distance = -surface.hits.t;
+  PathLanes<W> n = p;
+  n.ray.tnear = behind_boundary(surface.hits.t, surface.it.offset);
+  n.vertex = p.vertex + vint<W>(1);
+  const Compaction<W> c(m);
+  media.next->put(round.worker.next->count, c, state);
+  round.worker.next->append(c, n, round.needs);
+}
+
 // Handles surfaces hidden from camera rays and mattes: paths of lanes `hit` pass hidden surfaces straight; a matte covers
 // nothing of its pixel, and its paths end. Removes both from `hit`. `at`: position of the paths in the pool.
 template <int W>

@@ -88,9 +88,132 @@ PRIMRAY_INLINE vbool<W> is_lit(const Scene& scene, const MediumState<W>& state) 
   return (!state.in_subsurface()) & (vbool<W>(scene.interiors.lit) | (ior_in(scene, state.stack) == vfloat<W>(1.0f)));
 }
 
+// Number that selects the dimensions of a fog's collision and of its emission, beyond those of all vertices.
+constexpr int kFogDimensions = 1 << 24;
+
+// Samples the distance at which paths collide with the fog: shortens `end` to it, and returns the lanes for which it is
+// shorter. Fog that only absorbs is taken into account by `p.beta`.
+template <int W>
+PRIMRAY_RARE vbool<W> collide_in_fog(const Round& round, vbool<W> in_medium, const RayMedium<W>& medium, vfloat<W>& end,
+                                     PathLanes<W>& p) {
+  const Fog& fog = round.scene.interiors.fog;
+  if (fog.extinction == 0) return vbool<W>(false);
+  if (!fog.scatters()) {
+    p.beta = select(in_medium, p.beta * medium.fog.transmittance(end), p.beta);
+    return vbool<W>(false);
+  }
+  const Pair<W> u = p.sampler.pair(p.vertex + vint<W>(kFogDimensions), Purpose::kLens);
+  const vfloat<W> t = medium.fog.collision(u.u);
+  const vbool<W> collides = in_medium & (t < end);
+  end = select(collides, t, end);
+  return collides;
+}
+
+// Sets alpha of camera rays that reach nothing to what fog without scattering absorbs.
+template <int W>
+PRIMRAY_RARE void cover_by_fog(Round& round, vbool<W> escapes, const PathLanes<W>& p) {
+  if (round.scene.interiors.fog.scatters()) return;
+  for (uint32_t b = bits(escapes & (p.vertex == vint<W>(0))); b; b &= b - 1) {
+    const int i = __builtin_ctz(b);
+    round.worker.a[p.slot[i]] = 1 - (p.beta.x[i] + p.beta.y[i] + p.beta.z[i]) * (1.0f / 3);
+  }
+}
+
+// Sets phase function and throughput of paths that scatter in the fog.
+template <int W>
+PRIMRAY_RARE void scatter_in_fog(const Round& round, vbool<W> m, vfloat<W>& phase, PathLanes<W>& p) {
+  const Fog& fog = round.scene.interiors.fog;
+  const vvec3<W> albedo{vfloat<W>(fog.albedo.x), vfloat<W>(fog.albedo.y), vfloat<W>(fog.albedo.z)};
+  p.beta = select(m, p.beta * albedo, p.beta);
+  phase = select(m, vfloat<W>(fog.phase), phase);
+}
+
+// Adds what media emit along the paths up to `end`: of volumes and objects up to where light collides with the fog, of the fog
+// as much as these transmit from one of its points. Both have the expectation of the integral with both transmittances.
+template <int W>
+PRIMRAY_RARE void add_medium_emission(Round& round, vbool<W> in_medium, const RayMedium<W>& medium, const MediumState<W>& state,
+                                      vfloat<W> end, const PathLanes<W>& p) {
+  using F = vfloat<W>;
+  using V = vvec3<W>;
+  const V none(F(0.0f));
+  const Fog& fog = round.scene.interiors.fog;
+  Pair<W> u{F(0.0f), F(0.0f)};
+  if (medium.any_fog) u = p.sampler.pair(p.vertex + vint<W>(kFogDimensions), Purpose::kLens);
+  const F own = medium.any_fog ? min(end, medium.fog.collision(u.u)) : end;
+  V L = select(in_medium, medium.emission * integral_of_transmittance(medium.extinction, own), none);
+  if (medium.any_fog && fog.emits()) {
+    const V shines{F(fog.emission.x), F(fog.emission.y), F(fog.emission.z)};
+    const F length = medium.fog.length(end), depth = length * fog.extinction;
+    // Endless fog without extinction would have no bound.
+    const F whole = select((length < F(kEndless)) | (depth > F(1.0f)), length * mean_of_exp(depth), F(0.0f));
+    V left(F(1.0f));
+    if (any(in_medium & medium.Medium<W>::exists())) {
+      // A point in proportion to what arrives from there through the fog alone.
+      const F arrives = 1.0f - exp_of_minus(depth);
+      const F l = select(depth < F(1e-3f), u.v * length, depth_of(u.v * arrives) / max(F(fog.extinction), 1e-30f));
+      left = medium.Medium<W>::transmittance(min(medium.fog.distance(l), end));
+    }
+    L += select(in_medium & medium.fog.lanes, shines * left * whole, none);
+  }
+  const V scaled = L * radiance_scale(round.scene, state.stack);
+  if (PathLog* const log = path_log<W>(round); log && any(in_medium & (max_component(scaled) > F(0.0f))))
+    log->add("gathered", p).put("radiance", scaled).why = "a medium emits";
+  add_to_slots(round, in_medium, sum_of(round, p.slot, p.depth), p.beta * scaled);
+  if (!round.needs.lpe) return;
+  record_emission(*round.worker.lpe, in_medium, vint<W>(int32_t(kEndObject)), scaled, LobeFactors{});
+  add_recorded(round, p, p.beta);
+}
+
+// Takes from the alpha of camera rays what matte volumes extinguish on the way, of a throughput that was `before`.
+template <int W>
+PRIMRAY_RARE void leave_out_mattes(Round& round, vbool<W> in_medium, vbool<W> collides, const RayMedium<W>& medium,
+                                   const vvec3<W>& before, const PathLanes<W>& p) {
+  const VolumeSets& sets = round.worker.medium_states->sets;
+  if (!sets.any_matte()) return;
+  const vfloat<W> share = sets.matte_share(medium.row);
+  // Paths in media that scatter lose all of their throughput where they collide, and elsewhere nothing of it.
+  const vvec3<W> lost = select(collides, before, select(medium.scatters(), vvec3<W>(vfloat<W>(0.0f)), before - p.beta));
+  for (uint32_t b = bits(in_medium & (p.depth == vint<W>(0)) & (share > vfloat<W>(0.0f))); b; b &= b - 1) {
+    const int i = __builtin_ctz(b);
+    round.worker.a[p.slot[i]] -= share[i] * (lost.x[i] + lost.y[i] + lost.z[i]) * (1.0f / 3);
+  }
+}
+
+// Chooses one of the overlapping volumes for paths that scatter, in proportion to what each would add to the throughput.
+template <int W>
+PRIMRAY_RARE void choose_phase(const Round& round, vbool<W> scatters, vint<W> row, vfloat<W>& phase, PathLanes<W>& p) {
+  const VolumeSets& sets = round.worker.medium_states->sets;
+  for (uint32_t b = bits(scatters); b; b &= b - 1) {
+    const int i = __builtin_ctz(b);
+    const std::span<const VolumeSets::Member> members = sets.members(row[i]);
+    if (members.size() < 2) continue;
+    vec3 sum(0.0f);
+    for (const VolumeSets::Member& m : members) sum = sum + m.scattering;
+    const auto share = [](float part, float of) { return of > 0 ? part / of : 0.0f; };
+    const auto part = [&](const VolumeSets::Member& m) {
+      return vec3(p.beta.x[i] * share(m.scattering.x, sum.x), p.beta.y[i] * share(m.scattering.y, sum.y),
+                  p.beta.z[i] * share(m.scattering.z, sum.z));
+    };
+    const float total = p.beta.x[i] + p.beta.y[i] + p.beta.z[i];
+    float left = p.sampler.single(p.vertex + vint<W>(1), Purpose::kLobe)[i] * total;
+    const VolumeSets::Member* chosen = nullptr;
+    vec3 taken(0.0f);
+    for (const VolumeSets::Member& m : members) {
+      const vec3 own = part(m);
+      const float weight = own.x + own.y + own.z;
+      if (weight <= 0) continue;
+      chosen = &m, taken = own * (total / weight);
+      if ((left -= weight) < 0) break;
+    }
+    if (!chosen) continue;
+    phase.set(i, chosen->phase);
+    p.beta.x.set(i, taken.x), p.beta.y.set(i, taken.y), p.beta.z.set(i, taken.z);
+  }
+}
+
 // Advances one packet of paths of the pool through their medium; returns the lanes that are shaded next.
 template <int W>
-PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_medium, const Medium<W>& medium,
+PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_medium, const RayMedium<W>& medium,
                                      const MediumState<W>& state, const Hits<W>& hits, PathLanes<W>& p) {
   using F = vfloat<W>;
   const Scene& scene = round.scene;
@@ -120,20 +243,36 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
   for (uint32_t b = bits(covered & (p.vertex == vint<W>(0))); b; b &= b - 1) round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
   stays &= !covered;
 
-  // Attenuate paths in media that only absorb
+  // Sample the fog's collision, which ends what happens in other media
   const vbool<W> in_subsurface = state.in_subsurface(), may_scatter = in_medium & medium.scatters();
   end += state.origin_distance;
-  p.beta = select(in_medium & !may_scatter, p.beta * medium.transmittance(end), p.beta);
+  const vvec3<W> before = p.beta;
+  vbool<W> in_fog(false);
+  if (medium.any_emission) add_medium_emission(round, in_medium, medium, state, end, p);
+  if (medium.any_fog) in_fog = collide_in_fog(round, in_medium, medium, end, p);
+  if (medium.any_fog) cover_by_fog(round, in_medium & !hit & !covered, p);
+
+  // Attenuate paths in media that only absorb
+  p.beta = select(in_medium & !may_scatter, p.beta * medium.Medium<W>::transmittance(end), p.beta);
   if (PathLog* const log = path_log<W>(round); log && any(in_medium & !may_scatter))
     log->add("medium", p).put("distance", log->length(end)).put("throughput", p.beta).why = "absorbs";
-  if (!any(may_scatter)) return stays;
+  if (!any(may_scatter | in_fog)) {
+    if (medium.any_volumes) leave_out_mattes(round, in_medium, vbool<W>(false), medium, before, p);
+    return stays;
+  }
 
   // Sample the distance to the next scattering event; these sample dimensions are used by camera rays only
   const Pair<W> u = p.sampler.pair(p.vertex + vint<W>(1), Purpose::kLens);
   const DistanceSample<W> step = sample_distance(medium, p.beta, end, u.u, u.v);
   p.beta = select(may_scatter, step.beta, p.beta);
-  const vbool<W> scatters = may_scatter & step.scatters;
-  const F t = max(step.t - state.origin_distance, 0.0f);
+  const vbool<W> collides = may_scatter & step.scatters, scatters = collides | in_fog;
+  const F t = max(select(may_scatter, step.t, end) - state.origin_distance, 0.0f);
+  F phase = medium.phase;
+  if (medium.any_fog) scatter_in_fog(round, in_fog & !collides, phase, p);
+  if (medium.any_volumes) {
+    leave_out_mattes(round, in_medium, collides, medium, before, p);
+    choose_phase(round, collides, medium.row, phase, p);
+  }
   if (PathLog* const log = path_log<W>(round); log && any(may_scatter))
     log->add("medium", p).put("distance", log->length(any(scatters) ? t : end)).put("throughput", p.beta).why =
         any(scatters) ? "scatters" : "is crossed";
@@ -144,13 +283,31 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
     for (uint32_t b = bits(scatters & (p.vertex == vint<W>(0))); b; b &= b - 1) round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
     const vbool<W> lit = scatters & is_lit(scene, state), kinds[2] = {scatters & !lit, lit};
     for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
-      if (kind == 0) return scatter_unlit(round, lanes, p, t, state, medium.phase);
-      scatter_lit(round, lanes, p, t, state, medium.phase);
+      if (kind == 0) return scatter_unlit(round, lanes, p, t, state, phase);
+      scatter_lit(round, lanes, p, t, state, phase);
     });
   }
 
   // A random walk that hits no surface has left through a gap, or by rounding.
   return stays & !scatters & !(in_subsurface & !hit);
+}
+
+// Adds to the sets of the paths at `at` the volumes that they are about to leave.
+template <int W>
+PRIMRAY_RARE void enter_missed_volumes(Round& round, int at, vbool<W> active, MediumState<W>& state) {
+  const PathPool& pool = *round.worker.pool;
+  Hits<W> hits = pool.hits<W>(at);
+  const vbool<W> hit = active & (hits.geom >= vint<W>(0));
+  if (!any(hit)) return;
+  Rays<W> rays = pool.rays<W>(at);
+  if (round.needs.time) rays.time = load<W>(pool.time + at);
+  hits.time = rays.time;
+  const Interaction<W> it = interact(round.scene, hit, rays, hits);
+  const vbool<W> leaves = bounds_volume(round.scene, hit, it.surface) & (dot(it.ng, rays.d) > vfloat<W>(0.0f));
+  if (!any(leaves)) return;
+  MediumStateStore& media = *round.worker.medium_states;
+  enter_missed(round.scene, media.sets, leaves, hits, it.surface, vbool<W>(false), state.volumes);
+  store(media.pool->volumes + at, state.volumes);
 }
 
 template <int W>
@@ -162,8 +319,9 @@ PRIMRAY_RARE void cross_media(Round& round) {
   int staying = 0;
   for (int at = 0; at < count; at += W) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(count - at);
-    const MediumState<W> state = states.at<W>(at);
-    const Medium<W> medium = state.medium(round.scene);
+    MediumState<W> state = states.at<W>(at);
+    if (round.scene.interiors.has_bounded()) enter_missed_volumes(round, at, active, state);
+    const RayMedium<W> medium = medium_at(round, at, state);
     const vbool<W> in_medium = active & medium.exists();
     if (!any(in_medium) && staying == at) {
       staying += std::min(W, count - at);

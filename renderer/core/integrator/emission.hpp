@@ -8,7 +8,7 @@
 #include "integrator/rays/path_pool.hpp"
 #include "light/sampler/portal.hpp"
 #include "light/sampler/selection.hpp"
-#include "medium/medium.hpp"
+#include "medium/ray_medium.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -111,7 +111,7 @@ struct NoListener {};
 // at the end those of bodies.
 template <int W, class Listener = NoListener>
 PRIMRAY_INLINE LightHits<W> intersect_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p,
-                                             vfloat<W> t_surface, vvec3<W>& gathered, const Medium<W>* medium = nullptr,
+                                             vfloat<W> t_surface, vvec3<W>& gathered, const RayMedium<W>* medium = nullptr,
                                              vfloat<W> origin_distance = vfloat<W>(0.0f), const Listener& listener = {}) {
   using F = vfloat<W>;
   constexpr bool kListens = !std::is_same_v<Listener, NoListener>;

@@ -33,7 +33,7 @@ struct LogListener {
 
 // Logs the lights that rays hit, and the domes behind everything if they `escape`; see gather_emission().
 inline void log_light_hits(PathLog& log, const Round& round, vbool<1> looks, const PathLanes<1>& p, const Hits<1>& hits,
-                           vbool<1> hit, const Medium<1>* medium = nullptr, vfloat<1> origin_distance = vfloat<1>(0.0f)) {
+                           vbool<1> hit, const RayMedium<1>* medium = nullptr, vfloat<1> origin_distance = vfloat<1>(0.0f)) {
   vvec3<1> gathered(vfloat<1>(0.0f));
   intersect_lights(round.scene.lights, looks, hit, p, hits.t, gathered, medium, origin_distance, LogListener{log, p});
 }

@@ -45,7 +45,7 @@ struct LpeListener {
 // Medium in which lanes look for lights, and its extra distance before the ray's origin.
 template <int W>
 struct ListenerMedium {
-  const Medium<W>* medium = nullptr;
+  const RayMedium<W>* medium = nullptr;
   vfloat<W> origin_distance{0.0f};
 };
 

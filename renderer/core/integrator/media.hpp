@@ -8,6 +8,7 @@
 #include "integrator/rays/path_pool.hpp"
 #include "medium/medium.hpp"
 #include "medium/medium_stack.hpp"
+#include "medium/ray_medium.hpp"
 
 namespace primray {
 
@@ -50,7 +51,8 @@ struct MediumState {
   MediumStack<W> stack;
   Medium<W> subsurface;
   vfloat<W> origin_distance{
-      0.0f};  // distance between the surface point and the ray's offset origin, which the medium also fills
+      0.0f};           // distance between the surface point and the ray's offset origin, which the medium also fills
+  vint<W> volumes{0};  // number of a set (medium/volume_sets.hpp)
 
   PRIMRAY_INLINE vbool<W> in_subsurface() const { return subsurface.exists(); }
   // Medium that surrounds each path.
@@ -93,6 +95,7 @@ PRIMRAY_INLINE void for_kinds(bool parted, const vbool<W> (&kinds)[K], const F& 
 struct MediumStateColumns {
   alignas(64) int32_t surfaces[kMaxNestedMedia][kPadded];
   alignas(64) float subsurface[7][kPadded], origin_distance[kPadded];
+  alignas(64) int32_t volumes[kPadded];
 
   template <int W>
   PRIMRAY_INLINE MediumState<W> at(int i) const {
@@ -101,7 +104,7 @@ struct MediumStateColumns {
     const auto column = [&](int k) { return load<W>(subsurface[k] + i); };
     r.subsurface.extinction = {column(0), column(1), column(2)}, r.subsurface.scattering = {column(3), column(4), column(5)};
     r.subsurface.phase = column(6);
-    r.origin_distance = load<W>(origin_distance + i);
+    r.origin_distance = load<W>(origin_distance + i), r.volumes = load<W>(volumes + i);
     return r;
   }
   // Stores at `i` the lanes that `c` selects.
@@ -112,7 +115,7 @@ struct MediumStateColumns {
     const vfloat<W>* columns[7] = {&m.extinction.x, &m.extinction.y, &m.extinction.z, &m.scattering.x,
                                    &m.scattering.y, &m.scattering.z, &m.phase};
     for (int k = 0; k < 7; ++k) c.append(subsurface[k] + i, *columns[k]);
-    c.append(origin_distance + i, r.origin_distance);
+    c.append(origin_distance + i, r.origin_distance), c.append(volumes + i, r.volumes);
   }
 };
 
@@ -120,27 +123,37 @@ struct MediumStateColumns {
 struct ShadowMediaColumns {
   alignas(64) int32_t surfaces[kMaxNestedMedia][ShadowQueue::kSize];
   alignas(64) float origin_distance[ShadowQueue::kSize];
+  alignas(64) int32_t volumes[ShadowQueue::kSize];
 
   template <int W>
   PRIMRAY_INLINE ShadowMedia<W> at(int i) const {
     ShadowMedia<W> r;
     for (int k = 0; k < kMaxNestedMedia; ++k) r.stack.surfaces[k] = load<W>(surfaces[k] + i);
-    r.origin_distance = load<W>(origin_distance + i);
+    r.origin_distance = load<W>(origin_distance + i), r.volumes = load<W>(volumes + i);
     return r;
   }
   template <int W>
   PRIMRAY_INLINE void put(int i, const Compaction<W>& c, const ShadowMedia<W>& r) {
     for (int k = 0; k < kMaxNestedMedia; ++k) c.append(surfaces[k] + i, r.stack.surfaces[k]);
-    c.append(origin_distance + i, r.origin_distance);
+    c.append(origin_distance + i, r.origin_distance), c.append(volumes + i, r.volumes);
   }
 };
 
-// Medium state of one worker: for its two path pools and its shadow queues.
+// Medium state of one worker: for its two path pools and its shadow queues, and the sets of volumes that these name.
 struct MediumStateStore {
-  MediumStateColumns columns[2];
+  MediumStateColumns columns[2]{};
   MediumStateColumns* pool = &columns[0];
   MediumStateColumns* next = &columns[1];
-  ShadowMediaColumns shadows, special_shadows;
+  ShadowMediaColumns shadows{}, special_shadows{};
+  VolumeSets sets;
+
+  explicit MediumStateStore(const Interiors& interiors) : sets(interiors) {}
+  // Keeps the number of sets small; no path may be alive. Lanes without a path read what earlier ones left.
+  void forget_sets() {
+    if (!sets.forget_if_many()) return;
+    for (MediumStateColumns& c : columns) std::fill(std::begin(c.volumes), std::end(c.volumes), 0);
+    for (ShadowMediaColumns* c : {&shadows, &special_shadows}) std::fill(std::begin(c->volumes), std::end(c->volumes), 0);
+  }
 };
 
 // Media at a vertex: that of the incoming path, those on both sides of the surface, and the one below an opaque surface.
@@ -157,6 +170,7 @@ struct MediumInterface {
     r.subsurface.extinction = select(s.enters, below.extinction, incoming.subsurface.extinction);
     r.subsurface.scattering = select(s.enters, below.scattering, incoming.subsurface.scattering);
     r.subsurface.phase = select(s.enters, below.phase, incoming.subsurface.phase);
+    r.volumes = incoming.volumes;
     return r;
   }
   // Transmittance over distance `t` from here, times the radiance scale of the medium; in lanes `beyond` on the far side of the

@@ -28,7 +28,7 @@ PRIMRAY_RARE void exit_subsurface(Round& round, vbool<W> lanes, const PathLanes<
     table.add(lambert);
     return table.rows;
   }();
-  const MediumInterface<W> media{{state.stack, {}, {}}, Boundary<W>(state.stack), {}};
+  const MediumInterface<W> media{{state.stack, {}, {}, state.volumes}, Boundary<W>(state.stack), {}};
   // Treat the path as if it had arrived from outside, along the normal.
   const vvec3<W> n = surface.it.ns;
   surface.rows = SurfaceRows<W>(white.data(), vint<W>(0), nullptr);
@@ -96,7 +96,8 @@ PRIMRAY_RARE void shade_in_media(Round& round, int at, vbool<W> hit, vbool<W> sc
     if (kind == 1) {
       if (PathLog* const log = path_log<W>(round))
         log->add("pass", p).why = "a medium of higher priority overrides the boundary";
-      const MediumState<W> beyond{b.beyond, state.subsurface, origin_distance_of(it.offset, surface.ng, p.ray.d)};
+      const MediumState<W> beyond{b.beyond, state.subsurface, origin_distance_of(it.offset, surface.ng, p.ray.d),
+                                  state.volumes};
       return continue_straight(round, lanes, p, surface, &beyond);
     }
     if (hairy) return shade_surface<BsdfWithHair<W>>(round, lanes, p, surface, &media, b.ior_outside, below.enterable);

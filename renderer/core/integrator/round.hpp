@@ -48,7 +48,8 @@ struct Round {
         needs(path_needs(scene_, settings_)),
         samples(block_.count[0] + block_.count[1]) {
     if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
-    if (follows_media() && !worker.medium_states) worker.medium_states = std::make_unique<MediumStateStore>();
+    if (follows_media() && !worker.medium_states) worker.medium_states = std::make_unique<MediumStateStore>(scene.interiors);
+    if (follows_media()) worker.medium_states->forget_sets();
     if (has_volumes() && !worker.volumes) worker.volumes = std::make_unique<VolumeState>();
     if (samples_along_rays() && !worker.along) worker.along = std::make_unique<AlongState>();
     if (needs.lpe && !worker.lpe)
@@ -92,10 +93,38 @@ PRIMRAY_INLINE vfloat<W> time_of(const Round& round, vfloat<W> u, vint<W> x, vin
   return min(max(time + to_float(x) * motion.per_column + to_float(y) * motion.per_row, 0.0f), vfloat<W>(1.0f));
 }
 
+// Adds to the medium of the paths at `at`: volumes and fog outside of objects with an interface, and what they emit.
+template <int W>
+PRIMRAY_RARE void add_media(const Round& round, int at, const MediumState<W>& state, RayMedium<W>& r) {
+  const PathPool& pool = *round.worker.pool;
+  const Interiors& interiors = round.scene.interiors;
+  r.any_emission = interiors.emits;
+  const vbool<W> in_subsurface = state.in_subsurface(), outside = (state.stack.top() < vint<W>(0)) & !in_subsurface;
+  if (!interiors.emission.empty()) r.emission = emission_in(round.scene, state.stack, !in_subsurface);
+  if (!any(outside)) return;
+  const Rays<W> rays = pool.rays<W>(at);
+  // A ray that reaches no surface is in no closed shape, but where the camera's far plane ends it.
+  const vbool<W> closed = (load<W>(pool.geom + at) != vint<W>(-1)) | (rays.tfar < vfloat<W>(kInfinity));
+  const vbool<W> in_volumes = outside & closed & (state.volumes != vint<W>(0));
+  if (any(in_volumes)) {
+    const vint<W> sets = select(in_volumes, state.volumes, vint<W>(0));
+    r.add(in_volumes, round.worker.medium_states->sets, VolumeSets::row_of(sets, load<W>(pool.depth + at) == vint<W>(0)));
+  }
+  if (interiors.fog.any())
+    r.add(FogAlong<W>(interiors.fog, outside, rays.o - rays.d * state.origin_distance, rays.d), interiors.fog);
+}
+
+// Medium that surrounds the paths at `at`, along their rays: `state` is theirs.
+template <int W>
+PRIMRAY_INLINE RayMedium<W> medium_at(const Round& round, int at, const MediumState<W>& state) {
+  RayMedium<W> r(state.medium(round.scene));
+  if (round.scene.interiors.has_added() || round.scene.interiors.emits) add_media(round, at, state, r);
+  return r;
+}
 // Whether the paths at `at` were in a medium: cross_media() has already added the lights that those rays hit.
 template <int W>
 PRIMRAY_RARE vbool<W> has_crossed_medium(const Round& round, int at) {
-  return round.worker.medium_states->pool->template at<W>(at).medium(round.scene).exists();
+  return medium_at(round, at, round.worker.medium_states->pool->template at<W>(at)).exists();
 }
 
 // Factor of radiance that the paths at `at` receive (medium/medium_stack.hpp).

@@ -147,7 +147,8 @@ template <int W>
 PRIMRAY_RARE void put_shadow_media(Round& round, vbool<W> special, vbool<W> other, vbool<W> beyond,
                                    const MediumInterface<W>& media, vfloat<W> origin_distance) {
   Worker& w = round.worker;
-  const ShadowMedia<W> shadow_media{select(beyond, media.boundary.beyond, media.boundary.here), origin_distance};
+  const ShadowMedia<W> shadow_media{select(beyond, media.boundary.beyond, media.boundary.here), origin_distance,
+                                    media.incoming.volumes};
   if (any(special)) w.medium_states->special_shadows.put(w.special_shadows->rays.count, Compaction<W>(special), shadow_media);
   w.medium_states->shadows.put(w.shadows.count, Compaction<W>(other), shadow_media);
 }

@@ -130,7 +130,7 @@ PRIMRAY_RARE void attenuate_sky_light(Round& round, vbool<W> lit, const MediumIn
     carried =
         carried * state.medium(round.scene).transmittance(vfloat<W>(kInfinity)) * radiance_scale(round.scene, state.stack);
   round.worker.medium_states->shadows.put(round.worker.shadows.count, Compaction<W>(lit),
-                                          ShadowMedia<W>{state.stack, origin_distance});
+                                          ShadowMedia<W>{state.stack, origin_distance, state.volumes});
 }
 
 // Queues a shadow ray in place of a path's last ray where only the environment's visibility matters: it is cheaper to trace.

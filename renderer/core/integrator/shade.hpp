@@ -71,6 +71,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   if constexpr (W == 1) {
     if (PathLog* const log = path_log<W>(round)) log_hit(*log, scene, p, surface);
   }
+  if (scene.interiors.has_bounded()) pass_volumes(round, at, p, surface, hit);
   if (scene.camera_visibility.any()) apply_camera_visibility(round, at, p, surface, hit);
 
   // Evaluate textures and primvars

@@ -86,7 +86,8 @@ template <int W>
 PRIMRAY_RARE vbool<W> pass_thin_shadows(Round& round, int at, vbool<W> active, const Rays<W>& rays, vvec3<W>& carried,
                                         vint<W>* passed) {
   ShadowMedia<W> media;
-  if (round.follows_media()) media = round.worker.medium_states->shadows.at<W>(at);
+  if (round.follows_media())
+    media = round.worker.medium_states->shadows.at<W>(at), media.sets = &round.worker.medium_states->sets;
   return pass_thin(round.scene, round.recorder, active, rays, carried, round.follows_media() ? &media : nullptr, passed);
 }
 
@@ -169,7 +170,7 @@ void trace_special_shadows(Round& round) {
     if (round.needs.time) rays.time = load<W>(q.rays.time + at);
     ShadowMedia<W> media;
     const bool follows = round.follows_media() && round.scene.has_thin;
-    if (follows) media = round.worker.medium_states->special_shadows.at<W>(at);
+    if (follows) media = round.worker.medium_states->special_shadows.at<W>(at), media.sets = &round.worker.medium_states->sets;
     vint<W> passed(0);
     const vvec3<W> left = pass_special(round.scene, round.recorder, active, rays, light, follows ? &media : nullptr,
                                        round.needs.lpe ? &passed : nullptr);

@@ -66,11 +66,16 @@ PRIMRAY_INLINE vfloat<W> origin_distance_of(vfloat<W> offset, const vvec3<W>& ng
   return offset / max(abs(dot(ng, d)), 0.05f);
 }
 
-// Medium stack of a shadow ray, and the distance before its origin that the medium also fills.
+class VolumeSets;
+
+// Medium stack of a shadow ray, the distance before its origin that the medium also fills, and the number of its set of volumes
+// (medium/volume_sets.hpp) among `sets`.
 template <int W>
 struct ShadowMedia {
   MediumStack<W> stack;
   vfloat<W> origin_distance{0.0f};
+  vint<W> volumes{0};
+  VolumeSets* sets = nullptr;
 };
 
 template <int W>

@@ -8,9 +8,11 @@
 // accel/geometry.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "bsdf/surface.hpp"
@@ -28,6 +30,7 @@
 #include "scene/curved/curve_table.hpp"
 #include "scene/curved/curved_shapes.hpp"
 #include "scene/emitter_table.hpp"
+#include "scene/fog.hpp"
 #include "scene/light_outline_table.hpp"
 #include "texture/texture.hpp"
 #include "volume/volume_table.hpp"
@@ -71,6 +74,18 @@ struct PlacedGroup {
 // Maximum number of nested objects around a point; beyond, the outermost are dropped.
 constexpr int kMaxNestedMedia = 4;
 
+// Homogeneous medium inside a closed shape, per unit of the core's lengths; `emission` is radiance per length.
+struct Volume {
+  vec3 extinction, scattering, emission;
+  float phase;  // mean cosine of the phase function
+  CameraVisibility camera;
+};
+// A volume that contains a point: the shape, and the instance that places it (-1: none).
+struct VolumeObject {
+  int32_t volume, instance, outer;
+  auto operator<=>(const VolumeObject&) const = default;
+};
+
 struct Interiors {
   bool followed = false;               // paths track the stack of media that they are in
   bool lit = false;                    // some light is inside a medium
@@ -81,7 +96,20 @@ struct Interiors {
                                    // its own
   int32_t camera[kMaxNestedMedia] = {-1, -1, -1, -1};  // surfaces of the objects that contain the camera, the innermost first
   float camera_index2 = 1;                             // square of the index of refraction around the camera
+  // Media of closed shapes without an interface (medium/volume_sets.hpp): the volume that each surface bounds, or -1; empty if
+  // there is none.
+  std::vector<int32_t> volume_of;
+  std::vector<Volume> volumes;
+  std::vector<VolumeObject> camera_volumes;  // around the camera, in order
+  // Surfaces with an interface whose interior is another medium than the one of their lobes; and emission by surface, empty if
+  // no such medium emits.
+  std::vector<std::pair<int32_t, VolumeInput>> filled;
+  std::vector<vec3> emission;
+  bool emits = false;  // some medium emits
   bool around_camera() const { return camera[0] >= 0; }
+  Fog fog;  // outside of objects with an interface
+  bool has_bounded() const { return !volumes.empty(); }
+  bool has_added() const { return has_bounded() || fog.any(); }
 };
 
 // Object spaces of shapes within their groups, for surfaces whose patterns read them.

@@ -11,6 +11,7 @@ from . import compiled
 from .native import max_depth
 
 Made = TypeVar("Made")
+_FILLED_APART = frozenset({"path", "inputs", "pattern", "open_pbr", "hair", "camera", "volume"})  # of a Surface
 
 
 def filled(made: Made, **values: object) -> Made:
@@ -25,12 +26,21 @@ def filled(made: Made, **values: object) -> Made:
 
 def surface_input(surface: Surface) -> compiled.SurfaceInput:
     """Return the constants of a surface."""
-    names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr", "hair", "camera")]
+    names = [f.name for f in fields(surface) if f.name not in _FILLED_APART]
     made = filled(compiled.SurfaceInput(), **{name: getattr(surface, name) for name in names})
     made.camera = compiled.CameraVisibility[surface.camera.value]
     lobes = surface.open_pbr
     if lobes is not None:
         made.open_pbr = filled(compiled.OpenPbrInput(), **{f.name: getattr(lobes, f.name) for f in fields(lobes)})
+    if surface.volume is not None:
+        volume = surface.volume
+        made.volume = filled(
+            compiled.VolumeInput(),
+            extinction=volume.extinction,
+            scattering=volume.scattering,
+            emission=volume.emission,
+            anisotropy=volume.anisotropy,
+        )
     if surface.hair is not None:
         made.hair = filled(compiled.HairInput(), **{f.name: getattr(surface.hair, f.name) for f in fields(surface.hair)})
     return made

@@ -15,6 +15,7 @@ from ..arrays import Doubles
 from ..description import (
     Camera,
     CameraMotion,
+    Fog,
     Frame,
     Mesh,
     MovingInstances,
@@ -111,6 +112,8 @@ def upload_scene(
         from .volume_upload import VolumeUpload
 
         VolumeUpload(builder, warnings).add(d.media, d.volume_emissions)
+    if d.fog is not None:
+        builder.set_fog(fog_input(d.fog))
     if d.exposure is not None:
         builder.set_exposure(*d.exposure.shutter, d.exposure.frame)
         builder.set_rolling_shutter(*d.exposure.rolling)
@@ -290,6 +293,19 @@ def camera_input(c: Camera, frame: Frame, motion: CameraMotion | None = None) ->
     poses = np.array([pose.world_from_camera[:3] for pose in motion.cameras], np.float64)
     numbers = [(*pose.window, *pose.clipping_range, pose.lens_radius, pose.focus_distance) for pose in motion.cameras]
     return filled(made, times=handed_over(motion.times), pose_matrices=poses, pose_numbers=np.array(numbers, np.float64))
+
+
+def fog_input(fog: Fog) -> compiled.FogInput:
+    return filled(
+        compiled.FogInput(),
+        density=fog.density,
+        albedo=fog.albedo,
+        emission=fog.emission,
+        anisotropy=fog.anisotropy,
+        top=[axis * (fog.top or 0.0) for axis in fog.up],
+        up=(0.0, 0.0, 0.0) if fog.top is None else fog.up,
+        falloff=fog.falloff,
+    )
 
 
 def distortion_input(d: Distortion) -> compiled.DistortionInput:

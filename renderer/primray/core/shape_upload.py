@@ -21,6 +21,7 @@ from . import compiled
 from .scene_record import SceneRecord, ShapeRows
 from .single_precision import FARTHEST, OUTLYING, Flags, representable_triangles
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
+from .volume_bounds import inset_points, inset_radius, volume_insets
 
 if TYPE_CHECKING:
     from .light_upload import LightUpload
@@ -71,6 +72,8 @@ class ShapeUpload:
         self._lights = lights
         self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
+        self._inset = volume_insets(surfaces) if any(not s.interface for s in surfaces) else None
+        self._center = np.zeros(3)
         self._link_row = 0
         self._kinds = {type(s) for s in shapes}
         self._moving = any(isinstance(s, Mesh | Curves) and s.motion is not None for s in shapes)
@@ -82,6 +85,7 @@ class ShapeUpload:
     def add(self, placed: Sequence[Placed], center: Doubles, scale: float) -> None:
         """Add shapes to the current group, whose coordinates are relative to `center` and scaled by `scale`."""
         near = self._near(placed, center, scale)
+        self._center = center
         self._rows = [-1] * len(placed)
         lights: dict[int, int] = {}  # the builder's numbers, by index in `placed`: each placement is a light of its own
         for i, p in self._in_order(placed):
@@ -176,6 +180,9 @@ class ShapeUpload:
         if isinstance(shape.surface, int) and self._hole[shape.surface]:
             return
         self._set_link_row(shape)
+        if isinstance(shape, Sphere) and self._inset is not None and self._inset[shape.surface] > 0:
+            inset = float(self._inset[shape.surface])
+            shape = replace(shape, radius=inset_radius(shape.radius, inset, world_from_object, self._center))
         if isinstance(shape, Curves):
             add_curves(self._builder, shape, self._hole, world_from_object)
         elif not CURVED[kind](self._builder, shape, world_from_object):
@@ -209,10 +216,19 @@ class ShapeUpload:
         part = whole_part(mesh, surfaces) if wanted.all() else selected_part(whole_part(mesh, surfaces), wanted)
         self._add_mesh(part, world_from_object, light, cutout)
 
+    def _points_of(self, part: Part, world_from_object: Doubles) -> Floats:
+        """Return the mesh's points, with the boundaries of volumes moved inwards."""
+        if self._inset is None or part.mesh.motion is not None:
+            return part.mesh.points
+        inset = np.broadcast_to(self._inset[part.surfaces], len(part.triangles))
+        if not inset.any():
+            return part.mesh.points
+        return inset_points(part.mesh.points, part.triangles, inset, world_from_object, self._center)
+
     def _add_mesh(self, part: Part, world_from_object: npt.NDArray[np.float64], light: int | None, cutout: bool) -> None:
         self._set_link_row(part.mesh)
         mesh = compiled.MeshInput()
-        mesh.points, mesh.triangles, mesh.surfaces = part.mesh.points, part.triangles, part.surfaces
+        mesh.points, mesh.triangles, mesh.surfaces = self._points_of(part, world_from_object), part.triangles, part.surfaces
         mesh.normals, mesh.normal_kind = part.normals[0], compiled.Attribute[part.normals[1]]
         mesh.colors, mesh.color_kind = part.colors[0], compiled.Attribute[part.colors[1]]
         mesh.cutout = cutout

@@ -8,6 +8,7 @@ SceneDescription; `core` uploads it.
 from ..aovs import AovRequest
 from ..arrays import Doubles, Floats, Ints
 from ..camera import Camera, Projection
+from .fog import Fog
 from .geometry import (
     Curves,
     Direction,
@@ -29,6 +30,7 @@ from .scene import Frame, PixelWindow, Placed, Prototype, SceneDescription
 from .shading import (
     CameraVisibility,
     Hair,
+    HomogeneousVolume,
     Input,
     NodeOutput,
     OpenPbr,
@@ -41,6 +43,7 @@ from .shading import (
     TextureFile,
     TextureInput,
     Wrap,
+    volume_boundary,
 )
 from .volumes import VolumeEmission, VolumeMedium
 
@@ -55,8 +58,10 @@ __all__ = [
     "Doubles",
     "Exposure",
     "Floats",
+    "Fog",
     "Frame",
     "Hair",
+    "HomogeneousVolume",
     "IesProfile",
     "Input",
     "Instances",
@@ -101,4 +106,5 @@ __all__ = [
     "VolumeEmission",
     "VolumeMedium",
     "Wrap",
+    "volume_boundary",
 ]

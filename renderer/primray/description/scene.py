@@ -13,6 +13,7 @@ from ..arrays import Doubles
 from ..camera import Camera, Projection
 from ..color.color_space import REC709, ColorSpace
 from ..settings.stage_settings import NOTHING_ASKED, StageSettings
+from .fog import Fog
 from .geometry import Shape
 from .lighting import NO_LINKS, Light, LightType, Linked, half_extent
 from .motion import CameraMotion, Exposure, MotionSteps
@@ -70,6 +71,7 @@ class SceneDescription:
     # Surfaces emit and there are no lights: a small test render decides whether a studio light is added
     # (staging.py).
     may_need_light: bool = False
+    fog: Fog | None = None
     media: tuple[VolumeMedium, ...] = ()  # volumes of voxels; their extinctions add where they overlap
     volume_emissions: tuple[VolumeEmission, ...] = ()  # light of voxels
 

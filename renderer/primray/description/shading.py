@@ -121,6 +121,20 @@ class CameraVisibility(Enum):
     MATTE = "matte"  # holdout: black, with alpha 0
 
 
+@dataclass(frozen=True, kw_only=True)
+class HomogeneousVolume:
+    """Medium inside a closed shape: coefficients per world unit of length, and radiance emitted per world unit of length.
+
+    `path` is the shape's: each shape has a volume of its own, so that overlapping ones add.
+    """
+
+    path: str = ""
+    extinction: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scattering: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    anisotropy: float = 0.0  # mean cosine of the phase function (Henyey and Greenstein)
+
+
 @dataclass(frozen=True)
 class Surface:
     """Surface with UsdPreviewSurface's inputs, a Lambert surface of `diffuse_color` (exactly albedo / pi), or the lobes of
@@ -152,6 +166,8 @@ class Surface:
     )
     open_pbr: OpenPbr | None = None  # if set, of the other fields only emission, opacity and thin have an effect
     hair: Hair | None = None  # if set, of the other fields only emission, opacity and thin have an effect
+    volume: HomogeneousVolume | None = None  # in place of what is inside by the lobes; only in closed shapes
+    interface: bool = True  # without, the surface is not there, and only bounds its volume
     camera: CameraVisibility = CameraVisibility.SEEN
     inputs: tuple[tuple[str, Input], ...] = ()
     pattern: Pattern | None = None  # graph that its PatternInputs read
@@ -215,6 +231,11 @@ class Surface:
             if lobes and holder is not None:
                 own[prefix[:-1]] = replace(holder, **lobes)
         return replace(self, **own)
+
+
+def volume_boundary(volume: HomogeneousVolume, path: str = "", camera: CameraVisibility = CameraVisibility.SEEN) -> Surface:
+    """Return the surface of a closed shape that only bounds a volume; `path` is its material's."""
+    return Surface(path, lambert=True, opacity=0.0, presence=True, thin=True, volume=volume, interface=False, camera=camera)
 
 
 Color = tuple[float, float, float]

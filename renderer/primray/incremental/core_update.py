@@ -16,7 +16,7 @@ from ..core.inputs import filled
 from ..core.light_upload import LightUpload
 from ..core.native import raise_primray_error
 from ..core.scene import CoreScene, core_scene, inverse_cdf
-from ..core.scene_upload import UploadRecord, camera_input, power_of_two_scale, scene_extent
+from ..core.scene_upload import UploadRecord, camera_input, fog_input, power_of_two_scale, scene_extent
 from ..core.shape_upload import matrix, whole_part
 from ..core.single_precision import OUTLYING, rebasing_origin
 from ..core.surface_upload import SurfaceUpload, is_cutout, is_hole
@@ -69,7 +69,7 @@ def _are_alike(one: Surface, other: Surface) -> bool:
     """Return whether shapes bound to either surface are uploaded alike."""
     if one is other:
         return True
-    alike = one.inputs == other.inputs and one.pattern == other.pattern
+    alike = one.inputs == other.inputs and one.pattern == other.pattern and one.interface == other.interface
     return alike and is_cutout(one) == is_cutout(other) and is_hole(one) == is_hole(other)
 
 
@@ -87,6 +87,8 @@ def _updated_placements(
     moved = [(uploaded.rows[i], before.static[i], now.static[i]) for i in numbers]
     if any(row < 0 or a.shape != b.shape or a.instance != b.instance for row, a, b in moved):
         return None
+    if any(not d.surfaces[k].interface for _, _, b in moved for k in np.unique(d.shapes[b.shape].surface).tolist()):
+        return None  # where the boundary of a volume is depends on where it is (renderer/primray/core/volume_bounds.py)
     own = uploaded.boxes[[b.shape for _, _, b in moved]]
     low, high = uploaded.low.copy(), uploaded.high.copy()
     with np.errstate(invalid="ignore", over="ignore"):
@@ -117,6 +119,8 @@ def _built(
             return None
     lights = LightUpload(builder)
     lights.add(d.lights, textures)
+    if d.fog is not None:
+        builder.set_fog(fog_input(d.fog))
     uploaded = replace(uploaded, light_groups=lights.groups)
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
     camera = camera_input(d.camera, d.frame)

@@ -49,6 +49,7 @@ from .scene.assembly import (
     shared_paths,
 )
 from .scene.context import Context
+from .scene.fog import fog_of
 from .scene.inheritance import ResolvedPrim
 from .scene.level_of_detail import with_levels_chosen
 from .scene.translated_scene import Adapters, LightAdapter, Record, ShapeAdapter, TranslatedScene
@@ -244,6 +245,7 @@ def finish(view: ViewSetup, assembled: Assembled) -> SceneDescription:
         may_need_light=may_need_light,
         media=tuple(scene.media),
         volume_emissions=tuple(scene.volume_emissions),
+        fog=fog_of(view.camera, scene.lights, ctx),
         instances=tuple(sorted(ctx.prototype_names.values())) if view.aovs else (),
     )
 

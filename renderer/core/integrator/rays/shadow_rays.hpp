@@ -7,7 +7,7 @@
 #include "integrator/rays/ray_recorder.hpp"
 #include "light/mesh/emitter.hpp"
 #include "light/shadow.hpp"
-#include "medium/medium_stack.hpp"
+#include "medium/ray_medium.hpp"
 #include "surface/evaluate_inputs.hpp"
 #include "surface/interaction.hpp"
 
@@ -25,7 +25,9 @@ struct ShadowStep {
   Interaction<W> it;
   vbool<W> front;
   vvec3<W> through;
-  vbool<W> overridden{false};  // boundaries of lower priority inside overlapping media
+  vbool<W> overridden{false};  // boundaries of lower priority inside overlapping media, and boundaries of volumes
+  vbool<W> bounds{false};      // those of volumes, from which rays go on from where they began, at `t_bounds`
+  vfloat<W> t_bounds{0.0f};
 
   // `media`: medium stack along the ray, if media are followed; updated to the one behind the surface.
   PRIMRAY_INLINE ShadowStep(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& hits,
@@ -42,25 +44,33 @@ struct ShadowStep {
       rows = evaluate_inputs(scene, active, hits, it.surface, vfloat<W>(0.0f), it.p, it.ng, unbent, varying);
     }
     if (media) {
-      cross(scene, active, rays, hits.t, rows, wo, *media);
+      cross(scene, active, rays, hits, rows, wo, *media);
     } else {
       through = scene.surfaces.open_pbr.empty() ? straight_transmittance(Bsdf<W>(rows, active, wo, front))
                                                 : straight_with_open_pbr(rows, active, wo, front, vfloat<W>(1.0f));
     }
     if (!scene.surfaces.hair.empty()) through = straight_through_hair(rows, active, front, through);
   }
-  PRIMRAY_RARE void cross(const Scene& scene, vbool<W> active, const Rays<W>& rays, vfloat<W> t, const SurfaceRows<W>& rows,
-                          const vvec3<W>& wo, ShadowMedia<W>& media) {
-    const vvec3<W> left = medium_of(scene, media.stack).transmittance(t + media.origin_distance), one(vfloat<W>(1.0f));
+  PRIMRAY_RARE void cross(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& hits,
+                          const SurfaceRows<W>& rows, const vvec3<W>& wo, ShadowMedia<W>& media) {
+    bounds = bounds_volume(scene, active, it.surface);
+    if (any(bounds)) enter_missed(scene, *media.sets, bounds, hits, it.surface, front, media.volumes);
+    const vvec3<W> left = transmittance_along(scene, media, rays, hits.t, active), one(vfloat<W>(1.0f));
     const Boundary<W> b(scene, active, media.stack, it.surface, front);
-    through = select(b.overridden, one, straight_with_open_pbr(rows, active, wo, front, b.ior_outside)) * left;
-    overridden = b.overridden;
+    overridden = b.overridden | bounds;
+    through = select(overridden, one, straight_with_open_pbr(rows, active, wo, front, b.ior_outside)) * left;
     media.stack = select(active, b.beyond, media.stack);
     media.origin_distance = select(active, origin_distance_of(it.offset, it.ng, rays.d), media.origin_distance);
+    if (!any(bounds)) return;
+    cross_boundaries(scene, *media.sets, bounds, hits, it.surface, front, media.volumes);
+    media.origin_distance = select(bounds, -hits.t, media.origin_distance);
+    t_bounds = behind_boundary(hits.t, it.offset);
   }
   // Advances rays past the hit, towards the same end point: it may be so close to the light's surface that a ray aimed beside
   // it would hit that surface.
   PRIMRAY_INLINE void advance(Rays<W>& rays) const {
+    const Rays<W> before = rays;
+    rays.tnear = vfloat<W>(0.0f);
     const vvec3<W> o = it.p + it.ng * (it.offset * select(front, vfloat<W>(-1.0f), vfloat<W>(1.0f)));
     const vfloat<W> left = rays.tfar - dot(o - rays.o, rays.d);
     const vbool<W> ends = (left > vfloat<W>(0.0f)) & (left < vfloat<W>(kInfinity));
@@ -69,13 +79,22 @@ struct ShadowStep {
     rays.d = select(ends, to * (1.0f / length_to), rays.d);
     rays.tfar = select(ends, length_to, left);
     rays.o = o;
+    if (any(bounds)) stay_at_boundaries(before, rays);
+  }
+
+ private:
+  // Keeps rays that pass the boundary of a volume as they were `before`; see pass_volumes().
+  PRIMRAY_RARE void stay_at_boundaries(const Rays<W>& before, Rays<W>& rays) const {
+    rays.o = select(bounds, before.o, rays.o), rays.d = select(bounds, before.d, rays.d);
+    rays.tfar = select(bounds, before.tfar, rays.tfar), rays.tnear = select(bounds, t_bounds, rays.tnear);
   }
 };
 
 // Transmittance and radiance scale over the last segment of shadow rays, which nothing blocks.
 template <int W>
 PRIMRAY_RARE vvec3<W> transmittance_at_end(const Scene& scene, const ShadowMedia<W>& media, const Rays<W>& rays) {
-  return medium_of(scene, media.stack).transmittance(rays.tfar + media.origin_distance) * radiance_scale(scene, media.stack);
+  const vbool<W> reaches = rays.tfar < vfloat<W>(kInfinity);
+  return transmittance_along(scene, media, rays, rays.tfar, reaches) * radiance_scale(scene, media.stack);
 }
 
 // Traces shadow rays through surfaces that let light pass straight, attenuates `carried`, and returns the lanes that arrive.

@@ -76,4 +76,6 @@ def add_default_light(scene: TranslatedScene, camera: Camera, ctx: Context) -> b
 
 
 def _is_emissive(surface: Surface) -> bool:
+    if surface.volume is not None and any(surface.volume.emission):
+        return True
     return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from pxr import Usd, UsdGeom
 
-from ...description import CameraVisibility, Input, PrimvarInput, Surface
+from ...description import CameraVisibility, HomogeneousVolume, Input, PrimvarInput, Surface
 from ..primvars.reading import report_clamped_color, report_many_values
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim, element_count
@@ -103,7 +103,7 @@ def _matte_visibility(surface: Surface, path: str, ctx: Context) -> CameraVisibi
 
     A surface that is there in part holds out as much as a whole one, which is reported. Cut-outs are holes in any case.
     """
-    if not surface.presence or surface.opacity_threshold > 0:
+    if not surface.presence or surface.opacity_threshold > 0 or surface.volume is not None:
         return CameraVisibility.MATTE
     varies = "opacity" in surface.varying
     if surface.opacity == 0 and not varies:
@@ -118,11 +118,24 @@ def _surface_of(appearance: Appearance, is_closed: Callable[[], bool], path: str
     if appearance.material is None or appearance.material.surface is None:
         return _display_surface(appearance)
     surface = appearance.material.surface
+    if surface.volume is not None:
+        return _filled_surface(surface, surface.volume, is_closed, path, ctx)
     if surface.transmits and not (surface.thin or surface.bends_nothing) and not is_closed():
         if surface.open_pbr is not None and surface.open_pbr.transmission_depth > 0:
             ctx.warn("open-interior", path, f"{surface.path} has an interior, but the mesh is not closed: it is thin-walled.")
         return replace(surface, thin=True)
     return replace(surface, thin=True) if surface.transmits and surface.bends_nothing else surface
+
+
+def _filled_surface(
+    surface: Surface, volume: HomogeneousVolume, is_closed: Callable[[], bool], path: str, ctx: Context
+) -> Surface:
+    """Return a surface with a volume inside: each shape has its own, and one that is not closed has none."""
+    if is_closed():
+        return replace(surface, volume=replace(volume, path=path))
+    left = "it is thin-walled" if surface.interface else "it is not there"
+    ctx.warn("open-interior", path, f"{surface.path} has an interior, but the mesh is not closed: {left}.")
+    return replace(surface, volume=None, thin=True)
 
 
 @lru_cache(maxsize=1024)

@@ -99,8 +99,14 @@ def _translate(network: Network, material: AuthoredPrim, path: str, ctx: Context
     if NOTES in names:
         note_document(material.prim, path, ctx)
     if any(name.endswith(":volume") for name in names):
-        _note_volumes(network, material, path, ctx)
-    made, shader = _surface(network, material, path, ctx)
+        from ..volumes.in_shapes import is_volume_alone, volume_alone, with_volume
+
+        if is_volume_alone(network, material):
+            return volume_alone(network, material, path, ctx)
+        made, shader = _surface(network, material, path, ctx)
+        made = with_volume(made, network, material, path, ctx)
+    else:
+        made, shader = _surface(network, material, path, ctx)
     moves = any(name.endswith(":displacement") for name in names)
     if not moves and (shader is None or shader.id not in SURFACE_SHADERS or shader.shader.attribute(_DISPLACEMENT) is None):
         return made
@@ -196,15 +202,6 @@ def _with_priority(made: Material, prim: Usd.Prim, ctx: Context) -> Material:
         return made
     priority = number(prim, PRIORITY, ctx.when, 0.0, ctx.diagnostics)
     return replace(made, surface=replace(made.surface, dielectric_priority=priority))
-
-
-def _note_volumes(network: Network, material: AuthoredPrim, path: str, ctx: Context) -> None:
-    """Report volume shaders, which are not rendered."""
-    for output in ("outputs:volume", "outputs:mtlx:volume"):
-        source = network.source(material.attribute(output))
-        if isinstance(source, Node):
-            message = f"Volumes are not rendered: {source.id or 'a shader without id'} is ignored."
-            ctx.warn("shader-ignored", path, message, output)
 
 
 def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:

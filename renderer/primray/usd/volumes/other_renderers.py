@@ -10,7 +10,6 @@ RenderMan's PxrVolume: extinction is densityFloat times densityColor per scene u
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 from ...description import Operand
@@ -35,8 +34,11 @@ _NEUTRAL: dict[str, object] = {
 ONE: Operand = (1.0,)
 
 
-def other_coefficients(source: Node, fields: dict[str, Field], ctx: Context) -> Coefficients | None:
-    """Return what a volume shader of Arnold or RenderMan says; None for other shaders, and where translation is off."""
+def other_coefficients(source: Node, fields: dict[str, Field] | None, ctx: Context) -> Coefficients | None:
+    """Return what a volume shader of Arnold or RenderMan says; None for other shaders, and where translation is off.
+
+    `fields`: None in shapes, which have none.
+    """
     if not ctx.settings.translated_shaders:
         return None
     if arnold.kind_of(source) == "standard_volume":
@@ -44,7 +46,7 @@ def other_coefficients(source: Node, fields: dict[str, Field], ctx: Context) -> 
         made = _standard_volume(n, Arithmetic(n.e), fields)
     elif renderman.VOCABULARY.kind_of(source) == "PxrVolume" or source.id == "PxrVolume":
         n = _inputs(source, renderman.VOCABULARY, ctx)
-        made = _pxr_volume(n, Arithmetic(n.e), fields)
+        made = _pxr_volume(n, Arithmetic(n.e))
     else:
         return None
     left = sorted(n.left_out())
@@ -73,15 +75,15 @@ def _volume_sample_rgb(n: RendererInputs) -> Operand:
     return Arithmetic(n.e).field(n.text("channel"), "color3", (0.0, 0.0, 0.0))
 
 
-def _channel(a: Arithmetic, name: str, fields: dict[str, Field], absent: Operand) -> Operand:
-    """Return the values of a channel, `absent` where it is not named; 0 where no field has its name."""
-    if not name:
+def _channel(a: Arithmetic, name: str, fields: dict[str, Field] | None, absent: Operand) -> Operand:
+    """Return the values of a channel, `absent` where it is not named, and in shapes; 0 where no field has its name."""
+    if not name or fields is None:
         return absent
     found = field_named(fields, name)
     return a.field(name, "color3", (0.0, 0.0, 0.0)) if found is not None and found.grid.width == 3 else a.field(name)
 
 
-def _standard_volume(n: RendererInputs, a: Arithmetic, fields: dict[str, Field]) -> Coefficients:
+def _standard_volume(n: RendererInputs, a: Arithmetic, fields: dict[str, Field] | None) -> Coefficients:
     density = a.product(n.number("density", 1.0), _channel(a, n.text("density_channel", "density"), fields, ONE))
     depth = n.constants("transparent_depth", 1.0)[0]
     if depth <= 0:
@@ -108,7 +110,7 @@ def _standard_volume(n: RendererInputs, a: Arithmetic, fields: dict[str, Field])
     )
 
 
-def _emission(n: RendererInputs, a: Arithmetic, density: Operand, fields: dict[str, Field]) -> Operand:
+def _emission(n: RendererInputs, a: Arithmetic, density: Operand, fields: dict[str, Field] | None) -> Operand:
     mode = n.choice("emission_mode", _EMISSION_MODES, "blackbody")
     channel, heat = n.text("emission_channel", "heat"), n.text("temperature_channel", "temperature")
     scale, kelvin, intensity = (
@@ -121,7 +123,7 @@ def _emission(n: RendererInputs, a: Arithmetic, density: Operand, fields: dict[s
         return a.product(weight, _channel(a, channel, fields, ONE))
     if mode == "density":
         return a.product(weight, density)
-    found = field_named(fields, heat)
+    found = None if fields is None else field_named(fields, heat)
     if mode != "blackbody" or found is None or found.grid.width != 1:
         return BLACK
     n.near |= {"blackbody_intensity", "blackbody_kelvin"}
@@ -136,7 +138,7 @@ def _emission(n: RendererInputs, a: Arithmetic, density: Operand, fields: dict[s
     return a.product(weight, a.product(shown, color))
 
 
-def _pxr_volume(n: RendererInputs, a: Arithmetic, fields: Mapping[str, Field]) -> Coefficients:
+def _pxr_volume(n: RendererInputs, a: Arithmetic) -> Coefficients:
     name = n.text("densityFloatPrimVar")
     density = n.number("densityFloat", 1.0)
     if name:

@@ -37,8 +37,21 @@ def coefficients_of(material: Usd.Prim | None, fields: dict[str, Field], path: s
         return storm_fallback(fields, "no material is bound to it")
     network = Network(ctx)
     own = network.prim(material)
-    shaders = list(_terminals(network, own))
-    for source in shaders:
+    made = first_coefficients(network, own, fields, ctx)
+    if made is not None:
+        return made
+    which = "its material has no volume shader that is supported"
+    return storm_fallback(fields, which if volume_shaders(network, own) else "its material has no volume output")
+
+
+def first_coefficients(
+    network: Network, material: AuthoredPrim, fields: dict[str, Field] | None, ctx: Context
+) -> Coefficients | None:
+    """Return the coefficients of the first shader of a material's volume outputs that is supported; others are reported.
+
+    `fields`: None in shapes, which have none.
+    """
+    for source in volume_shaders(network, material):
         try:
             made = _read(source, fields, ctx)
         except UnusableShaderError as error:
@@ -51,16 +64,10 @@ def coefficients_of(material: Usd.Prim | None, fields: dict[str, Field], path: s
             return made
         what = source.id or "a shader without id"
         source.warn("shader-ignored", f"{what} is not a supported volume shader.")
-    which = "its material has no volume shader that is supported" if shaders else "its material has no volume output"
-    return storm_fallback(fields, which)
+    return None
 
 
-def has_volume_shader(network: Network, material: AuthoredPrim) -> bool:
-    """Return whether a volume output of a material leads to a shader."""
-    return any(True for _ in _terminals(network, material))
-
-
-def _terminals(network: Network, material: AuthoredPrim) -> list[Node]:
+def volume_shaders(network: Network, material: AuthoredPrim) -> list[Node]:
     """Return the shaders of a material's volume outputs, those of universal ones first, without repetition."""
     found: dict[object, Node] = {}
     for name in (*_OUTPUTS, *_OTHER_OUTPUTS):
@@ -70,7 +77,7 @@ def _terminals(network: Network, material: AuthoredPrim) -> list[Node]:
     return list(found.values())
 
 
-def _read(source: Node, fields: dict[str, Field], ctx: Context) -> Coefficients | None:
+def _read(source: Node, fields: dict[str, Field] | None, ctx: Context) -> Coefficients | None:
     """Return what a volume shader says, None for one that is not known."""
     if source.id in ("ND_volume", "ND_volume_volumeshader"):
         return _materialx(source, ctx)
