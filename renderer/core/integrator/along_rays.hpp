@@ -39,6 +39,25 @@ PRIMRAY_RARE MediaExtent<W> extent_of_volumes(const VolumeTable& volumes, vbool<
   return all;
 }
 
+// Adds the extent of volumes without grids and of fog, on rays of lanes `m` from their origin to `end`.
+template <int W>
+PRIMRAY_RARE void add_media(vbool<W> m, const RayMedium<W>& medium, vfloat<W> end, MediaExtent<W>& all) {
+  using F = vfloat<W>;
+  const vvec3<W>& e = medium.extinction;
+  F mean = select(max_component(medium.scattering) > F(0.0f), (e.x + e.y + e.z) * (1.0f / 3), F(0.0f));
+  if (medium.any_fog) {
+    // Of endless fog the part counts that light crosses.
+    const F most = min(end, 4.0f / max(F(medium.fog.extinction), 1e-30f));
+    mean += select(medium.fog.lanes, medium.fog.extinction * medium.fog.length(most) / max(most, 1e-30f), F(0.0f));
+  }
+  m &= mean > F(0.0f);
+  if (!any(m)) return;
+  const F others = all.extinction * max(all.to - all.from, 0.0f);
+  const vbool<W> finite = end < F(kInfinity);
+  all.from = select(m, F(0.0f), all.from), all.to = select(m, max(all.to, end), all.to);
+  all.extinction = select(m, mean + select(finite, others / max(all.to, 1e-30f), F(0.0f)), all.extinction);
+}
+
 // Medium at points: one of those that overlap there, with what it scatters by the probability of its choice.
 template <int W>
 struct MediumAtPoint {
@@ -84,6 +103,32 @@ PRIMRAY_RARE void offer_volumes(const VolumeTable& volumes, vbool<W> m, const vv
 // Ratio of the greatest irradiance on a segment to its mean from which on scattered rays are sampled as well.
 constexpr float kPeaked = 8;
 
+// Offers the volumes without grids and the fog at points `p`.
+template <int W>
+PRIMRAY_RARE void offer_media(const Round& round, vbool<W> m, const RayMedium<W>& medium, const vvec3<W>& p, vuint<W> seed,
+                              MediumAtPoint<W>& at) {
+  using F = vfloat<W>;
+  const EventNumbers<W> numbers{seed ^ vuint<W>(0x1b873593u)};
+  if (medium.any_volumes) {
+    // Several volumes may overlap there, each with its phase function.
+    for (uint32_t b = bits(m & (max_component(medium.scattering) > F(0.0f))); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      const vbool<W> own = lane_numbers<W>() == vint<W>(i);
+      uint32_t k = 0;
+      for (const VolumeSets::Member& member : round.worker.medium_states->sets.members(medium.row[i])) {
+        const vvec3<W> scattering{F(member.scattering.x), F(member.scattering.y), F(member.scattering.z)};
+        at.offer(own, scattering, F(member.phase), unit_float(mix(seed ^ vuint<W>(0xcc9e2d51u * ++k))));
+      }
+    }
+  } else {
+    at.offer(m, medium.scattering, medium.phase, numbers(6));
+  }
+  if (!medium.any_fog) return;
+  const Fog& fog = round.scene.interiors.fog;
+  const vvec3<W> albedo{F(fog.albedo.x), F(fog.albedo.y), F(fog.albedo.z)};
+  at.offer(m & medium.fog.lanes, albedo * (fog.extinction * density_at(fog, p)), F(fog.phase), numbers(7));
+}
+
 // Chooses lights and distances along the pool's rays; returns whether any reach them.
 template <int W>
 PRIMRAY_RARE bool choose_along_rays(Round& round) {
@@ -93,21 +138,27 @@ PRIMRAY_RARE bool choose_along_rays(Round& round) {
   AlongState& state = *round.worker.along;
   bool found = false;
   for (int at = 0; at < pool.count; at += W) {
-    const vbool<W> active =
+    vbool<W> active =
         (lane_numbers<W>() < vint<W>(pool.count - at)) & (load<W>(pool.depth + at) < vint<W>(round.settings.max_depth));
     const PathLanes<W> p = pool.paths<W>(at, round.needs);
     F end = min(p.ray.tfar, select(load<W>(pool.geom + at) != vint<W>(-1), load<W>(pool.t + at), kInfinity));
     if (scene.lights.needs_hit_test) end = end_at_bodies(round, active & (p.bsdf_pdf == F(0.0f)), p, end);
-    const MediaExtent<W> extent = extent_of_volumes(*scene.volumes, active, p.ray.o, p.ray.d, p.ray.tnear, end, p.ray.time);
+    MediaExtent<W> extent{F(kInfinity), F(0.0f), F(0.0f)};
+    if (round.has_volumes()) extent = extent_of_volumes(*scene.volumes, active, p.ray.o, p.ray.d, p.ray.tnear, end, p.ray.time);
+    if (round.follows_media()) {
+      const MediumState<W> own = round.worker.medium_states->pool->template at<W>(at);
+      active &= is_lit(scene, own);
+      add_media(active, medium_at(round, at, own), end, extent);
+    }
     const Segment<W> segment{p.ray.o, p.ray.d, extent.from, extent.to};
-    const LightAlong<W> light(scene.lights.pivots, segment);
+    const LightAlong<W> light(scene.lights.pivots, segment, state.sums.data());
     const vbool<W> peaked = (p.depth == vint<W>(0)) | (light.peak * (extent.to - extent.from) > kPeaked * light.total);
     const F total = select(active & peaked & (extent.from < extent.to), light.total, F(0.0f));
     const Pair<W> u = p.sampler.pair(p.vertex + vint<W>(1), Purpose::kFilm);
-    const ChosenAlong<W> chosen = choose_along(scene.lights.pivots, segment, total, u.v, u.u);
+    const ChosenAlong<W> chosen = light.sample(scene.lights.pivots, segment, state.sums.data(), u.v, u.u);
     store(state.from + at, extent.from), store(state.to + at, extent.to);
     store(state.extinction + at, extent.extinction), store(state.total + at, total);
-    const vbool<W> lit = (total > F(0.0f)) & (chosen.density > F(0.0f));
+    const vbool<W> lit = (total > F(0.0f)) & (chosen.density > F(0.0f)) & (chosen.t < F(kInfinity));
     found |= any(lit);
     store(state.t + at, select(lit, chosen.t, F(0.0f))), store(state.density + at, select(lit, chosen.density, F(0.0f)));
     store(state.light + at, chosen.light);
@@ -134,7 +185,16 @@ PRIMRAY_RARE void send_along_rays(Round& round) {
     const vuint<W> seed = volume_seed<W>(p.sampler.seed, p.sampler.reversed_index, p.vertex);
     const V point = p.ray.o + p.ray.d * t;
     MediumAtPoint<W> medium;
-    offer_volumes(*scene.volumes, lit, point, p.ray.time, seed, medium);
+    if (round.has_volumes()) offer_volumes(*scene.volumes, lit, point, p.ray.time, seed, medium);
+    MediumState<W> own;
+    V around(F(1.0f));
+    if (round.follows_media()) {
+      own = round.worker.medium_states->pool->template at<W>(at);
+      const RayMedium<W> along = medium_at(round, at, own);
+      around = along.transmittance(t + own.origin_distance);
+      offer_media(round, lit, along, point, seed, medium);
+      own.origin_distance = F(0.0f);
+    }
     lit &= medium.weight > F(0.0f);
     if (!any(lit)) continue;
 
@@ -146,9 +206,9 @@ PRIMRAY_RARE void send_along_rays(Round& round) {
     // The sample's own density of light and distance takes the place of the probability, and the share is its weight.
     const F share = chosen.choice.probability / (density + by_vertices);
     lit &= chosen.choice.probability > F(0.0f);
-    p.beta = p.beta * left * medium.scattered() * share;
-    const MediumInterface<W>* const none = nullptr;
-    with_phase_vertex(round, p, vint<W>(-1), t, medium.anisotropy, none,
+    p.beta = p.beta * left * around * medium.scattered() * share;
+    const MediumInterface<W> media{own, Boundary<W>(own.stack), {}};
+    with_phase_vertex(round, p, vint<W>(-1), t, medium.anisotropy, round.follows_media() ? &media : nullptr,
                       [&](const auto& v) { queue_light_sample(round, lit, chosen, v, p, v.it.p, F(1.0f)); });
   }
 }
@@ -159,13 +219,15 @@ PRIMRAY_RARE void sample_along_rays(Round& round) {
   const PathPool& pool = *round.worker.pool;
   AlongState& state = *round.worker.along;
   for (float* left : state.left) std::fill_n(left, pool.count, 1.0f);
-  VolumeState& volumes = *round.worker.volumes;
-  for (int at = 0; at < pool.count; at += W)
-    store(volumes.number + at, volume_seed<W>(load<W>(pool.seed + at) ^ vuint<W>(0x68bc21ebu),
-                                              load<W>(pool.reversed_index + at), load<W>(pool.vertex + at)));
-  const VolumeRays rays{pool.ox, pool.oy,    pool.oz, pool.dx,        pool.dy,
-                        pool.dz, pool.tnear, state.t, volumes.number, round.needs.time ? pool.time : nullptr};
-  attenuate<W>(*round.scene.volumes, rays, pool.count, volumes.passes, state.left[0], state.left[1], state.left[2]);
+  if (round.has_volumes()) {
+    VolumeState& volumes = *round.worker.volumes;
+    for (int at = 0; at < pool.count; at += W)
+      store(volumes.number + at, volume_seed<W>(load<W>(pool.seed + at) ^ vuint<W>(0x68bc21ebu),
+                                                load<W>(pool.reversed_index + at), load<W>(pool.vertex + at)));
+    const VolumeRays rays{pool.ox, pool.oy,    pool.oz, pool.dx,        pool.dy,
+                          pool.dz, pool.tnear, state.t, volumes.number, round.needs.time ? pool.time : nullptr};
+    attenuate<W>(*round.scene.volumes, rays, pool.count, volumes.passes, state.left[0], state.left[1], state.left[2]);
+  }
   send_along_rays<W>(round);
 }
 

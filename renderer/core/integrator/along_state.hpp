@@ -13,6 +13,9 @@ struct AlongState {
   // The light and the distance that are chosen, the density of both, and the transmittance up to there.
   alignas(64) float t[kPadded], density[kPadded], left[3][kPadded];
   alignas(64) int32_t light[kPadded];
+  std::vector<float> sums;  // of the packet of rays that chooses lights (LightAlong)
+
+  explicit AlongState(const PivotTable& pivots) : sums(16 * pivots.pivots.size()) {}
 
   // Density of distances by extinction, as both techniques take it to be.
   template <int W>
@@ -22,7 +25,7 @@ struct AlongState {
   // Share of the vertices at distance `t` along rays `o`, `d`, in the light that `light` sends there; they choose it with
   // `probability`. `path`: of the pool.
   template <int W>
-  PRIMRAY_RARE vfloat<W> share_of_vertices(const std::vector<Pivot>& pivots, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> t,
+  PRIMRAY_RARE vfloat<W> share_of_vertices(const PivotTable& pivots, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> t,
                                            vint<W> path, vint<W> which, vfloat<W> probability) const {
     const vfloat<W> begin = gather<W>(from, path), sum = gather<W>(total, path), one(1.0f);
     const Segment<W> segment{o, d, begin, gather<W>(to, path)};

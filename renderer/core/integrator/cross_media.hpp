@@ -6,6 +6,7 @@
 #include "integrator/log_vertex.hpp"
 #include "integrator/lpe_light.hpp"
 #include "integrator/media.hpp"
+#include "integrator/phase_vertex.hpp"
 #include "integrator/sample_light.hpp"
 #include "integrator/scatter.hpp"
 
@@ -58,34 +59,15 @@ PRIMRAY_INLINE void scatter_unlit(Round& round, vbool<W> scatters, const PathLan
   round.worker.next->append(c, n, round.needs);
 }
 
-// Scatters at distance `t` along the rays as at any vertex: lights are sampled there.
+// Scatters at distance `t` along the rays as at any vertex: lights are sampled there. `path`: see PhaseLobes.
 template <int W>
-PRIMRAY_RARE void scatter_lit(Round& round, vbool<W> scatters, const PathLanes<W>& p, vfloat<W> t, const MediumState<W>& state,
-                              vfloat<W> phase) {
-  using F = vfloat<W>;
-  const vvec3<W> back = -p.ray.d;
-  Interaction<W> it;
-  it.p = p.ray.o + p.ray.d * t, it.ng = it.ns = back;
-  it.offset = it.least_cosine = F(0.0f);
-  it.at_edge = it.smooth = vbool<W>(false);
-  it.surface = it.mesh = it.triangle = it.curved = vint<W>(0);
-  it.link = round.needs.links ? max(p.link, vint<W>(0)) : vint<W>(0);
-  it.color = vvec3<W>(F(1.0f));
-  Hits<W> hits{};
+PRIMRAY_RARE void scatter_lit(Round& round, vbool<W> scatters, const PathLanes<W>& p, vint<W> path, vfloat<W> t,
+                              const MediumState<W>& state, vfloat<W> phase) {
   const MediumInterface<W> media{state, Boundary<W>(state.stack), {}};
-  const vvec3<W> head_on(F(0.0f), F(0.0f), F(1.0f));
-  const Vertex<W, PhaseLobes<W>> v{
-      it, back, Frame<F>(back), head_on, PhaseLobes<W>(phase), hits, {vint<W>(-1), vint<W>(0)}, nullptr, &media};
-  if (round.scene.lights.count > 0) sample_lights(round, scatters & (p.depth < vint<W>(round.settings.max_depth)), v, p);
-  scatter(round, scatters, v, p);
-}
-
-// Returns the lanes in which light samples can contribute: media without a refracting boundary, and all media if a light is
-// inside one.
-template <int W>
-PRIMRAY_INLINE vbool<W> is_lit(const Scene& scene, const MediumState<W>& state) {
-  if (scene.lights.count == 0) return vbool<W>(false);
-  return (!state.in_subsurface()) & (vbool<W>(scene.interiors.lit) | (ior_in(scene, state.stack) == vfloat<W>(1.0f)));
+  with_phase_vertex(round, p, path, t, phase, &media, [&](const auto& v) {
+    if (round.scene.lights.count > 0) sample_lights(round, scatters & (p.depth < vint<W>(round.settings.max_depth)), v, p);
+    scatter(round, scatters, v, p);
+  });
 }
 
 // Number that selects the dimensions of a fog's collision and of its emission, beyond those of all vertices.
@@ -211,9 +193,9 @@ PRIMRAY_RARE void choose_phase(const Round& round, vbool<W> scatters, vint<W> ro
   }
 }
 
-// Advances one packet of paths of the pool through their medium; returns the lanes that are shaded next.
+// Advances the packet of paths at `at` of the pool through their medium; returns the lanes that are shaded next.
 template <int W>
-PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_medium, const RayMedium<W>& medium,
+PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vbool<W> in_medium, const RayMedium<W>& medium,
                                      const MediumState<W>& state, const Hits<W>& hits, PathLanes<W>& p) {
   using F = vfloat<W>;
   const Scene& scene = round.scene;
@@ -284,7 +266,7 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, vbool<W> active, vbool<W> in_
     const vbool<W> lit = scatters & is_lit(scene, state), kinds[2] = {scatters & !lit, lit};
     for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
       if (kind == 0) return scatter_unlit(round, lanes, p, t, state, phase);
-      scatter_lit(round, lanes, p, t, state, phase);
+      scatter_lit(round, lanes, p, lane_numbers<W>() + vint<W>(at), t, state, phase);
     });
   }
 
@@ -329,7 +311,7 @@ PRIMRAY_RARE void cross_media(Round& round) {
     }
     PathLanes<W> p = pool.paths<W>(at, round.needs);
     const Hits<W> hits = pool.hits<W>(at);
-    const vbool<W> stays = any(in_medium) ? cross_medium(round, active, in_medium, medium, state, hits, p) : active;
+    const vbool<W> stays = any(in_medium) ? cross_medium(round, at, active, in_medium, medium, state, hits, p) : active;
     const Compaction<W> c(stays);
     states.put(staying, c, state);
     put_hits(pool, staying, c, hits);

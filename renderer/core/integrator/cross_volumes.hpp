@@ -4,6 +4,7 @@
 
 #include "integrator/gather_emission.hpp"
 #include "integrator/media.hpp"
+#include "integrator/phase_vertex.hpp"
 #include "integrator/sample_light.hpp"
 #include "integrator/scatter.hpp"
 #include "integrator/volume_state.hpp"
@@ -39,27 +40,6 @@ PRIMRAY_RARE void collide_in_volumes(Round& round) {
     pool.t[i] = state.end[i], pool.geom[i] = kVolumeHit, pool.inst[i] = state.instance[i], pool.prim[i] = i;
     pool.ngx[i] = state.albedo[0][i], pool.ngy[i] = state.albedo[1][i], pool.ngz[i] = state.albedo[2][i];
   }
-}
-
-// Calls f(v) for the vertex at distance `t` along the rays, with a phase function for its lobes. `path`: see PhaseLobes.
-// `media`: the medium state there, if media are followed.
-template <int W, class F>
-PRIMRAY_INLINE void with_phase_vertex(const Round& round, const PathLanes<W>& p, vint<W> path, vfloat<W> t,
-                                      vfloat<W> anisotropy, const MediumInterface<W>* media, const F& f) {
-  const vvec3<W> back = -p.ray.d;
-  Interaction<W> it;
-  it.p = p.ray.o + p.ray.d * t, it.ng = it.ns = back;
-  it.offset = it.least_cosine = vfloat<W>(0.0f);
-  it.at_edge = it.smooth = vbool<W>(false);
-  it.surface = it.mesh = it.triangle = it.curved = vint<W>(0);
-  it.link = round.needs.links ? max(p.link, vint<W>(0)) : vint<W>(0);
-  it.color = vvec3<W>(vfloat<W>(1.0f));
-  const Hits<W> hits{};
-  const vvec3<W> head_on(vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f));
-  PhaseLobes<W> lobes(anisotropy);
-  lobes.path = path;
-  f(Vertex<W, PhaseLobes<W>>{
-      it, back, Frame<vfloat<W>>(back), head_on, lobes, hits, {vint<W>(-1), vint<W>(0)}, nullptr, media});
 }
 
 // Scatters at distance `t` along the rays as at any vertex.

@@ -51,7 +51,7 @@ struct Round {
     if (follows_media() && !worker.medium_states) worker.medium_states = std::make_unique<MediumStateStore>(scene.interiors);
     if (follows_media()) worker.medium_states->forget_sets();
     if (has_volumes() && !worker.volumes) worker.volumes = std::make_unique<VolumeState>();
-    if (samples_along_rays() && !worker.along) worker.along = std::make_unique<AlongState>();
+    if (samples_along_rays() && !worker.along) worker.along = std::make_unique<AlongState>(scene.lights.pivots);
     if (needs.lpe && !worker.lpe)
       worker.lpe = std::make_unique<LpeStore>(*settings.lpe, settings.clamps() ? Worker::kSums : Worker::kSlots);
     if (leaves_out_caustics()) worker.caustics.resize(3 * size_t(Worker::kSlots));
@@ -60,7 +60,7 @@ struct Round {
 
   bool has_special() const { return scene.lights.has_special(); }
   bool follows_media() const { return scene.interiors.followed; }
-  bool samples_along_rays() const { return !scene.lights.pivots.empty(); }
+  bool samples_along_rays() const { return scene.lights.pivots.any(); }
   bool has_volumes() const { return scene.volumes != nullptr; }
   bool leaves_out_caustics() const { return settings.lpe && settings.lpe->leaves_out >= 0; }
 
@@ -121,6 +121,14 @@ PRIMRAY_INLINE RayMedium<W> medium_at(const Round& round, int at, const MediumSt
   if (round.scene.interiors.has_added() || round.scene.interiors.emits) add_media(round, at, state, r);
   return r;
 }
+// Returns the lanes in which light samples can contribute: media without a refracting boundary, and all media if a light is
+// inside one.
+template <int W>
+PRIMRAY_INLINE vbool<W> is_lit(const Scene& scene, const MediumState<W>& state) {
+  if (scene.lights.count == 0) return vbool<W>(false);
+  return (!state.in_subsurface()) & (vbool<W>(scene.interiors.lit) | (ior_in(scene, state.stack) == vfloat<W>(1.0f)));
+}
+
 // Whether the paths at `at` were in a medium: cross_media() has already added the lights that those rays hit.
 template <int W>
 PRIMRAY_RARE vbool<W> has_crossed_medium(const Round& round, int at) {

@@ -19,10 +19,38 @@ PRIMRAY_RARE vfloat<W> end_at_bodies(const Round& round, vbool<W> sees_body, con
   return select(seen.covered, min(end, seen.nearest), end);
 }
 
+// Media around rays beside volumes.
+template <int W>
+struct MediaAround {
+  vvec3<W> extinction{vfloat<W>(0.0f)};
+  FogAlong<W> fog;
+
+  PRIMRAY_INLINE vbool<W> exists() const { return (max_component(extinction) > vfloat<W>(0.0f)) | fog.lanes; }
+  PRIMRAY_INLINE vvec3<W> transmittance(vfloat<W> t) const {
+    const vvec3<W> left{exp_of_minus(extinction.x * t), exp_of_minus(extinction.y * t), exp_of_minus(extinction.z * t)};
+    return any(fog.lanes) ? left * fog.transmittance(t) : left;
+  }
+  // Takes those of paths `path` of the pool, in lanes `m`.
+  PRIMRAY_RARE void take(const Round& round, vbool<W> m, vint<W> path) {
+    for (uint32_t b = bits(m); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      const RayMedium<1> medium = medium_at(round, path[i], round.worker.medium_states->pool->template at<1>(path[i]));
+      extinction.x.set(i, medium.extinction.x[0]), extinction.y.set(i, medium.extinction.y[0]);
+      extinction.z.set(i, medium.extinction.z[0]);
+      const bool in_fog = medium.any_fog && medium.fog.lanes[0];
+      const vbool<W> own = lane_numbers<W>() == vint<W>(i);
+      fog.lanes = (fog.lanes & !own) | (own & vbool<W>(in_fog));
+      if (!in_fog) continue;
+      fog.height.set(i, medium.fog.height[0]), fog.slope.set(i, medium.fog.slope[0]);
+      fog.falloff = medium.fog.falloff, fog.extinction = medium.fog.extinction;
+    }
+  }
+};
+
 // Begins the events of rays `ray` in the emission of `instance`, in lanes `fresh`.
 template <int W>
 PRIMRAY_INLINE void begin_emission(const Round& round, vbool<W> fresh, vint<W> ray, vint<W> instance,
-                                   EmissionEvents<W>& events) {
+                                   EmissionEvents<W, MediaAround<W>>& events) {
   using F = vfloat<W>;
   using I = vint<W>;
   const VolumeTable& volumes = *round.scene.volumes;
@@ -56,16 +84,7 @@ PRIMRAY_INLINE void begin_emission(const Round& round, vbool<W> fresh, vint<W> r
   }
   events.relative = select(fresh, relative, events.relative);
 
-  // Find the medium around
-  if (round.follows_media()) {
-    vvec3<W> around(F(0.0f));
-    for (uint32_t b = bits(fresh); b; b &= b - 1) {
-      const int i = __builtin_ctz(b);
-      const Medium<1> medium = round.worker.medium_states->pool->template at<1>(ray[i]).medium(round.scene);
-      around.x.set(i, medium.extinction.x[0]), around.y.set(i, medium.extinction.y[0]), around.z.set(i, medium.extinction.z[0]);
-    }
-    events.around = select(fresh, around, events.around);
-  }
+  if (round.follows_media()) events.around.take(round, fresh, ray);
 }
 
 // Adds the emission along the rays of all paths of the pool, whose ends are those of VolumeState.
@@ -86,20 +105,20 @@ PRIMRAY_RARE void gather_volume_emission(Round& round) {
   const VolumeRays rays{pool.ox, pool.oy,    pool.oz,   pool.dx,      pool.dy,
                         pool.dz, pool.tnear, state.end, state.number, round.needs.time ? pool.time : nullptr};
   pass_volumes<W>(volumes.grids, volumes.in_emissions, rays, pool.count, state.passes, [&](const VolumePasses& tasks) {
-    const auto load = [&](vbool<W> fresh, vint<W> numbers, EmissionEvents<W>& events) {
+    const auto load = [&](vbool<W> fresh, vint<W> numbers, EmissionEvents<W, MediaAround<W>>& events) {
       begin_emission(round, fresh, gather<W>(tasks.ray, numbers), gather<W>(tasks.instance, numbers), events);
       TrackingTask<W> task = tracking_task<W>(volumes.in_emissions, rays, tasks, fresh, numbers);
       task.seed = mix(task.seed ^ vuint<W>(0x2545f491u));
       return task;
     };
-    const auto store = [&](vbool<W> done, vint<W> numbers, const EmissionEvents<W>& events) {
+    const auto store = [&](vbool<W> done, vint<W> numbers, const EmissionEvents<W, MediaAround<W>>& events) {
       for (uint32_t b = bits(done); b; b &= b - 1) {
         const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
         state.emission[0][ray] += events.sum.x[i], state.emission[1][ray] += events.sum.y[i];
         state.emission[2][ray] += events.sum.z[i];
       }
     };
-    return follow_segments<W, EmissionEvents<W>>(volumes.grids, tasks.count, load, store);
+    return follow_segments<W, EmissionEvents<W, MediaAround<W>>>(volumes.grids, tasks.count, load, store);
   });
   for (int at = 0; at < pool.count; at += W) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(pool.count - at);

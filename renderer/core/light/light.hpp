@@ -42,7 +42,7 @@ struct LightTable {
       portals;                  // by dome: rectangles of radiance 1 that guide its samples (light/sampler/portal.hpp); or empty
   LightTree tree;               // for choosing among lights, where there are too many to weigh each
   LightHierarchy hierarchy;     // of the lights that rays can hit, where there are many
-  std::vector<Pivot> pivots;    // lights that are sampled along camera rays through media
+  PivotTable pivots;            // lights that are sampled along rays through media
   bool needs_hit_test = false;  // some light has area or a cone that BSDF-sampled rays can hit
   bool camera_sees_area = false;
   Fact<built::kLobeFactors> lobe_factors = false;  // some light's diffuse or specular factor is not 1

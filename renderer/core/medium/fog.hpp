@@ -28,6 +28,16 @@ PRIMRAY_INLINE vfloat<W> depth_of(vfloat<W> y) {
   return -0.693147181f * log2_cosine(1.0f - y, y * (2.0f - y));
 }
 
+// Density of the fog at points, relative to that below the top.
+template <int W>
+PRIMRAY_INLINE vfloat<W> density_at(const Fog& fog, const vvec3<W>& p) {
+  using F = vfloat<W>;
+  if (fog.up.x == 0 && fog.up.y == 0 && fog.up.z == 0) return F(1.0f);
+  const F above = fog.up.x * p.x + fog.up.y * p.y + fog.up.z * p.z - fog.top;
+  if (fog.falloff == 0) return select(above > F(0.0f), F(0.0f), F(1.0f));
+  return exp_of_minus(max(above, 0.0f) * (1 / fog.falloff));
+}
+
 // The fog along rays: lengths are counted as if the density were that below the top.
 template <int W>
 struct FogAlong {

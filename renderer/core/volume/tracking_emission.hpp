@@ -10,16 +10,17 @@
 
 namespace primray {
 
-template <int W>
+// `Around`: the medium that the ray is in beside volumes, with a transmittance up to a distance.
+template <int W, class Around>
 struct EmissionEvents {
   using F = vfloat<W>;
   using B = vbool<W>;
   vvec3<W> radiance{F(0.0f)};  // per unit of value and length
-  vvec3<W> around{F(0.0f)};    // extinction of the homogeneous medium that the ray is in
-  F per_value{0.0f};           // rate of events by the cell's greatest value
-  F scattered_pdf{0.0f};       // of the ray's direction
-  F relative{0.0f};            // density of light samples by squared distance, relative to that of events; 0: there are none
-  F travelled{0.0f};           // distance from the vertex that samples lights to the ray's origin
+  Around around;
+  F per_value{0.0f};      // rate of events by the cell's greatest value
+  F scattered_pdf{0.0f};  // of the ray's direction
+  F relative{0.0f};       // density of light samples by squared distance, relative to that of events; 0: there are none
+  F travelled{0.0f};      // distance from the vertex that samples lights to the ray's origin
   vvec3<W> sum{F(0.0f)};
 
   PRIMRAY_INLINE CellSizes<W> cell_sizes() const { return CellSizes<W>::leaves(); }
@@ -29,9 +30,8 @@ struct EmissionEvents {
     const F low = least(walk), r = travelled + at, other = relative * r * r / max(scattered_pdf, 1e-30f);
     const F weight = select(relative > F(0.0f), 1.0f / (1.0f + other * other), F(1.0f));
     const vvec3<W> value = grid.color(near.x, near.y, near.z) - vvec3<W>(low);
-    const vvec3<W> left{exp_of_minus(around.x * at), exp_of_minus(around.y * at), exp_of_minus(around.z * at)};
     const F scale = weight / max((walk.high - low) * per_value, 1e-30f);
-    sum = select(event, sum + radiance * value * left * scale, sum);
+    sum = select(event, sum + radiance * value * around.transmittance(at) * scale, sum);
     return B(false);
   }
   PRIMRAY_INLINE void pass(B lanes, const CellWalk<W>& walk, F to) {
@@ -41,7 +41,7 @@ struct EmissionEvents {
  private:
   // Value that is integrated.
   PRIMRAY_INLINE F least(const CellWalk<W>& walk) const {
-    return select((relative > F(0.0f)) | (max_component(around) > F(0.0f)), F(0.0f), walk.low);
+    return select((relative > F(0.0f)) | around.exists(), F(0.0f), walk.low);
   }
 };
 

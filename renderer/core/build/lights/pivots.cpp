@@ -7,16 +7,22 @@
 namespace primray {
 namespace {
 
-// Beyond this number of lights, weighing each for every ray costs more than it saves.
-constexpr int kMostPivots = 1024;
+// Whether volumes or fog scatter light. The boxes of many grids are not tested one by one.
+bool scatters(const Scene& scene) {
+  if (scene.volumes && scene.volumes->in_media.size() > kFewVolumes) return false;
+  const auto any = [](const vec3& v) { return std::max({v.x, v.y, v.z}) > 0; };
+  const Interiors& interiors = scene.interiors;
+  return (scene.volumes && scene.volumes->in_media.any()) || (interiors.fog.extinction > 0 && interiors.fog.scatters()) ||
+         std::any_of(interiors.volumes.begin(), interiors.volumes.end(), [&](const Volume& v) { return any(v.scattering); });
+}
 
 }  // namespace
 
 void find_pivots(Scene& scene) {
   LightTable& lights = scene.lights;
-  lights.pivots.clear();
-  const bool scatters = scene.volumes && scene.volumes->in_media.any() && scene.volumes->in_media.size() <= kFewVolumes;
-  if (!scatters || lights.count > kMostPivots || lights.links.any()) return;
+  lights.pivots = {};
+  if (!scatters(scene) || lights.count > PivotTable::kMost || lights.links.any()) return;
+  lights.pivots.of_light.assign(size_t(lights.count), -1);
   for (int i = 0; i < lights.count; ++i) {
     const LightBounds bounds = light_bounds(lights, lights.row(i));
     if (bounds.far || !(bounds.intensity > 0)) continue;
@@ -29,7 +35,8 @@ void find_pivots(Scene& scene) {
       const float sine = std::sqrt(std::max(1 - bounds.cos_end * bounds.cos_end, 1e-12f));
       pivot.cos_end = bounds.cos_end, pivot.apex = pivot.center - pivot.axis * (bounds.radius / sine);
     }
-    lights.pivots.push_back(pivot);
+    lights.pivots.of_light[size_t(i)] = int32_t(lights.pivots.pivots.size());
+    lights.pivots.pivots.push_back(pivot);
   }
 }
 
