@@ -265,6 +265,29 @@ class IntegratorSettings:
 
     lpe: LpeAutomaton | None
 
+class FogInput:
+    def __init__(self) -> None: ...
+    @property
+    def density(self) -> float: ...
+    @density.setter
+    def density(self, arg: float, /) -> None: ...
+    @property
+    def anisotropy(self) -> float: ...
+    @anisotropy.setter
+    def anisotropy(self, arg: float, /) -> None: ...
+    @property
+    def falloff(self) -> float: ...
+    @falloff.setter
+    def falloff(self, arg: float, /) -> None: ...
+
+    top: Sequence[float]
+
+    up: Sequence[float]
+
+    albedo: Sequence[float]
+
+    emission: Sequence[float]
+
 class Scene:
     @property
     def memory_bytes(self) -> int: ...
@@ -370,6 +393,7 @@ class SceneBuilder:
     def add_moving_instances(
         self, arg0: NDArray[numpy.float32], arg1: bool, arg2: NDArray[numpy.float64], /
     ) -> Annotated[NDArray[numpy.int64], {"shape": (None,)}]: ...
+    def set_fog(self, arg: FogInput, /) -> None: ...
     def set_exposure(self, arg0: float, arg1: float, arg2: float, /) -> None: ...
     def set_rolling_shutter(self, arg0: float, arg1: float, /) -> None: ...
     def end_placement(self) -> None: ...
@@ -552,6 +576,19 @@ class HairInput:
 
     cuticle_tilt: float
 
+class VolumeInput:
+    def __init__(self) -> None: ...
+    @property
+    def anisotropy(self) -> float: ...
+    @anisotropy.setter
+    def anisotropy(self, arg: float, /) -> None: ...
+
+    extinction: Sequence[float]
+
+    scattering: Sequence[float]
+
+    emission: Sequence[float]
+
 class CameraVisibility(enum.Enum):
     seen = 0
 
@@ -589,10 +626,16 @@ class SurfaceInput:
     def thin(self) -> bool: ...
     @thin.setter
     def thin(self, arg: bool, /) -> None: ...
+    @property
+    def interface(self) -> bool: ...
+    @interface.setter
+    def interface(self, arg: bool, /) -> None: ...
 
     open_pbr: OpenPbrInput
 
     hair: HairInput
+
+    volume: VolumeInput
 
     diffuse_color: Sequence[float]
 
