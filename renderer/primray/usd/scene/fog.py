@@ -5,6 +5,7 @@ prim.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from pxr import Usd
 
@@ -20,6 +21,7 @@ DENSITY, COLOR, ANISOTROPY = f"{PREFIX}density", f"{PREFIX}color", f"{PREFIX}ani
 EMISSION, TOP, FALLOFF = f"{PREFIX}emission", f"{PREFIX}top", f"{PREFIX}falloff"
 NAMES = frozenset({DENSITY, COLOR, ANISOTROPY, EMISSION, TOP, FALLOFF})
 MOST_ANISOTROPY = 0.98
+MOST_ENDLESS = 0.99  # albedo of fog without a top: light that is never absorbed would be scattered without an end
 Color = tuple[float, float, float]
 
 
@@ -59,9 +61,16 @@ def _read(prim: Usd.Prim, lights: Iterable[Light], ctx: Context) -> Fog | None:
         up=(0.0, 0.0, 1.0) if up_axis(ctx.stage) == "Z" else (0.0, 1.0, 0.0),
         falloff=_at_least_zero(prim, FALLOFF, path, ctx),
     )
-    if made.top is None:
-        _report_endless(made, path, lights, ctx)
-    return made
+    if made.top is not None:
+        return made
+    _report_endless(made, path, lights, ctx)
+    r, g, b = made.albedo
+    if max(r, g, b) > MOST_ENDLESS and prim.GetAttribute(COLOR).HasAuthoredValue():
+        message = (
+            f"{COLOR} is above {MOST_ENDLESS:g} in fog without a top, and is clamped: light would be scattered without an end."
+        )
+        ctx.warn("out-of-range", path, message, COLOR)
+    return replace(made, albedo=(min(r, MOST_ENDLESS), min(g, MOST_ENDLESS), min(b, MOST_ENDLESS)))
 
 
 def _top(prim: Usd.Prim, ctx: Context) -> float | None:

@@ -68,6 +68,14 @@ def test_there_is_none_where_nothing_asks_for_it() -> None:
     assert fog_of("    float primray:fog:top = 3\n") == (None, [])
 
 
+def test_fog_without_a_top_absorbs_a_little() -> None:
+    found, _ = fog_of("    float primray:fog:density = 1\n")
+    assert found is not None
+    assert (found.top, found.albedo) == (None, (0.99, 0.99, 0.99))
+    authored = "    float primray:fog:density = 1\n    color3f primray:fog:color = (1, 0.5, 0)\n"
+    assert ("out-of-range", "primray:fog:color") in fog_of(authored)[1]
+
+
 def test_fog_without_a_top_hides_what_is_infinitely_far() -> None:
     assert fog_of("    float primray:fog:density = 1\n", "", SKY)[1] == [("endless-fog", "primray:fog:top")]
     assert fog_of("    float primray:fog:density = 1\n", "", 'def SphereLight "lamp" {\n}\n')[1] == []
@@ -99,8 +107,10 @@ def test_the_schema_has_what_is_read() -> None:
 def test_an_edit_is_seen_by_a_kept_scene() -> None:
     ball = 'def Sphere "ball" {\n color3f[] primvars:displayColor = [(1, 1, 1)]\n}\n'
     eye = "    double3 xformOp:translate = (0, 0, 50)\n    uniform token[] xformOpOrder = ['xformOp:translate']\n"
-    stage = stage_of("", eye, ball + 'def SphereLight "lamp" {\n float inputs:intensity = 9\n}\n')
-    settings = RenderSettings(resolution=(16, 9), spp=8)
+    stage = stage_of(
+        "    float primray:fog:top = 10\n", eye, ball + 'def SphereLight "lamp" {\n float inputs:intensity = 9\n}\n'
+    )
+    settings = RenderSettings(resolution=(8, 5), spp=2)
     kept = primray.Scene(stage)
     kept.render(settings)
     attribute = stage.GetPrimAtPath("/World").CreateAttribute("primray:fog:density", Sdf.ValueTypeNames.Float)
