@@ -164,7 +164,8 @@ def test_overlapping_volumes_add() -> None:
 
 
 def test_a_ball_of_fog_in_a_box_of_fog() -> None:
-    shapes, surfaces = [SLAB, (sphere(1), scaling(0.5, 0.5, 0.5))], [volume(0.3, 0.0, path="/a"), volume(0.7, 0.0, path="/b")]
+    shapes: list[tuple[Shape, Doubles]] = [SLAB, (sphere(1), scaling(0.5, 0.5, 0.5))]
+    surfaces = [volume(0.3, 0.0, path="/a"), volume(0.7, 0.0, path="/b")]
     found = mean(shapes, surfaces, camera=orthographic(translation(0, 0, 10), 1e-3))
     assert found[0] == pytest.approx(math.exp(-0.6 - 0.7), rel=1e-4)
 
