@@ -36,6 +36,8 @@ from primray.description import (
     Shape,
     Surface,
     TextureFile,
+    VolumeEmission,
+    VolumeMedium,
     Wrap,
 )
 from primray.settings import DEFAULT_FILTER_WIDTH, Filter
@@ -181,6 +183,8 @@ class Described:
                 static=tuple(replace(p, matrix=matrix @ p.matrix) for p in d.static),
                 placements=tuple(replace(p, levels=(p.levels[0].placed(matrix[:3]), *p.levels[1:])) for p in d.placements),
                 lights=tuple(replace(x, world_from_light=matrix @ x.world_from_light) for x in d.lights),
+                media=tuple(replace(x, matrices=matrix @ x.matrices) for x in d.media),
+                volume_emissions=tuple(replace(x, matrices=matrix @ x.matrices) for x in d.volume_emissions),
                 camera=replace(d.camera, world_from_camera=matrix @ d.camera.world_from_camera),
             ),
         )
@@ -207,6 +211,8 @@ def describe(
     placements: Sequence[Placement] = (),
     dome_texture: npt.ArrayLike | None = None,
     textures: Textures | None = None,
+    media: Sequence[VolumeMedium] = (),
+    volume_emissions: Sequence[VolumeEmission] = (),
 ) -> Described:
     """Shapes with their matrices; prototypes count `prototype_shapes` from len(shapes)."""
     if dome_texture is not None:
@@ -214,6 +220,7 @@ def describe(
     description = SceneDescription(
         (*(s for s, _ in shapes), *prototype_shapes), tuple(surfaces), tuple(Placed(i, m) for i, (_, m) in enumerate(shapes)),
         tuple(prototypes), tuple(placements), tuple(lights), camera or perspective(np.eye(4), 1.0), resolution, "Y", 1.0, None,
+        media=tuple(media), volume_emissions=tuple(volume_emissions),
     )  # fmt: skip
     images = dict(textures or {})
     if dome_texture is not None:
