@@ -22,7 +22,7 @@ SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera"
 SPARSE |= {"rendering_space", "target", "is_color", "layer", "pattern"}
 SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light", "photometric"}
 SPARSE |= {"open_pbr", "motion", "exposure", "camera_motion", "motion_steps", "diffusion"}
-SPARSE |= {"asked", "file", "instances", "may_need_light", "prefix", "media", "volume_emissions"}
+SPARSE |= {"asked", "file", "instances", "may_need_light", "prefix", "media", "volume_emissions", "fog", "interface", "volume"}
 SPARSE |= {"distortion", "natural_vignetting", "rim", "channel_magnification", "channel_focus_shift"}
 
 
