@@ -8,7 +8,7 @@ from tests.service.page.conftest import until
 
 
 def test_the_picture_refines(look):
-    page, _ = look("--spp", "256")
+    page, _ = look("--spp", "4096")  # it must last until the browser is there
     samples = []
     while page.evaluate("document.body.dataset.phase") != "finished":
         seen = page.evaluate("Number(document.body.dataset.samples ?? 0)")
@@ -16,11 +16,11 @@ def test_the_picture_refines(look):
         page.wait_for_timeout(10)
     until_finished(page)
     assert samples == sorted(samples)
-    assert samples[0] < 128
-    assert page.evaluate("document.body.dataset.samples") == "256"
+    assert samples[0] < 2048
+    assert page.evaluate("document.body.dataset.samples") == "4096"
     assert page.locator(".stage canvas").evaluate("(c) => [c.width, c.height]") == [192, 128]
     line = page.locator("#numbers").inner_text()
-    assert "192 × 128, 256 samples a pixel" in line
+    assert "192 × 128, 4096 samples a pixel" in line
     assert "error (relMSE) " in line
     assert page.title() == "shot.usda · primray"
     red, _, blue = mean_color(page)

@@ -79,7 +79,7 @@ RENDERED: dict[str, dict[str, str | bytes]] = {
     "unknown format": {"shot.usda": referring("@data.abc@"), "data.abc": "x"},
     "missing dome": {"shot.usda": f'#usda 1.0\n{BALL}def DomeLight "d"\n{{\n    asset inputs:texture:file = @sky.exr@\n}}\n'},
     "not rendered": {
-        "shot.usda": f'#usda 1.0\n{BALL}def ParticleField "a"\n{{\n}}\ndef Volume "b"\n{{\n}}\ndef Volume "c"\n{{\n}}\n'
+        "shot.usda": f'#usda 1.0\n{BALL}def ParticleField "a"\n{{\n}}\ndef ParticleField "b"\n{{\n}}\ndef Volume "c"\n{{\n}}\n'
         'def PluginLight "p"\n{\n}\ndef Nonsense "n"\n{\n}\n'
     },
     "other units": {

@@ -126,7 +126,7 @@ def _draw_modes(prims: list[Usd.Prim]) -> Iterator[dict[str, str]]:
 
 MOST = 500  # items of each list: cameras, render settings, variants
 # Types that are drawn: those with adapters, and those that the walk expands.
-_DRAWN = frozenset(SHAPES) | {"PointInstancer", "Points"}
+_DRAWN = frozenset(SHAPES) | {"PointInstancer", "Points", "Volume"}
 # Types that are never reported: they are not drawn themselves, or are reported elsewhere.
 _QUIET = frozenset(("Shader", "Material", "Scope", "Xform", "Camera", "NodeGraph", "GeomSubset", "PortalLight"))
 MOST_OF_TYPE = 50
