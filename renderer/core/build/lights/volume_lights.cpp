@@ -19,6 +19,7 @@ void add_volume_lights(Scene& scene) {
     lights.rows.insert(lights.rows.end(), row, row + kLightFields);
     volumes.light_of[i] = lights.count++;
     add_light_rules(LightRules(), scene.scale, lights);
+    lights.ends.back() = int32_t(kEndObject);  // as for rays that reach its emission
   }
   volumes.instance_of_light.assign(size_t(lights.count), -1);
   for (size_t i = 0; i < volumes.light_of.size(); ++i)
