@@ -108,6 +108,8 @@ PRIMRAY_RARE void scatter_in_fog(const Round& round, vbool<W> m, vfloat<W>& phas
   const vvec3<W> albedo{vfloat<W>(fog.albedo.x), vfloat<W>(fog.albedo.y), vfloat<W>(fog.albedo.z)};
   p.beta = select(m, p.beta * albedo, p.beta);
   phase = select(m, vfloat<W>(fog.phase), phase);
+  // All lights illuminate the fog, whichever surface the path comes from.
+  p.link = select(m, vint<W>(0), p.link);
 }
 
 // Adds what media emit along the paths up to `end`: of volumes and objects up to where light collides with the fog, of the fog

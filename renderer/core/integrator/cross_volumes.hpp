@@ -71,6 +71,8 @@ PRIMRAY_RARE void shade_volume_lanes(Round& round, int at, vbool<W> collides, Pa
   if (round.scene.has_thin) clear_gap_marks(round, reaches & (p.depth == vint<W>(0)), p);
 
   // Scatter
+  // All lights illuminate volumes, whichever surface the path comes from.
+  p.link = vint<W>(0);
   const MediumLanes<W> medium(volumes, select(collides, hits.inst, vint<W>(0)));
   p.beta = select(collides, p.beta * hits.ng, p.beta);
   const vbool<W> scatters = reaches & (p.depth < vint<W>(round.settings.max_depth)) & (max_component(p.beta) > F(0.0f));
