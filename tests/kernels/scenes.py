@@ -23,6 +23,7 @@ from tests.described import (
     scaling,
     translation,
 )
+from tests.images.volumes.voxels import glow, medium, voxels
 from tests.textured import plate, primvar, texture, with_primvars
 
 from primray.description import (
@@ -347,6 +348,33 @@ def linked_crowd() -> Described:
     return replace(d, description=replace(d.description, lights=(*d.description.lights, *more)))
 
 
+def volumes() -> Described:
+    """Smoke and fire in grids that overlap, around and within bodies, in lights of all kinds."""
+    d = all_lights()
+    rng = np.random.default_rng(3)
+    near = translation(-0.5, -0.2, -0.5) @ scaling(0.08, 0.08, 0.08)
+    cloud = voxels(rng.random((16, 16, 16)) ** 3)
+    gray = medium(cloud, 2.0, 0.9, anisotropy=0.5, matrices=[near, near @ rotation([1, 1, 0], 30)])
+    tint = voxels(rng.random((16, 16, 16, 3)), half=True)
+    colored = medium(voxels(rng.random((16, 16, 16)), half=True), (1.0, 2.0, 0.5), 0.8, albedo_grid=tint, matrices=[near])
+    fire = [glow(tint, 0.5, matrices=[near]), glow(cloud, (1.0, 0.5, 0.2), matrices=[translation(0, 0.2, 0) @ near])]
+    description = replace(d.description, media=(gray, colored), volume_emissions=tuple(fire))
+    return replace(d, description=description)
+
+
+def crowd_of_volumes() -> Described:
+    """More instances of smoke and fire than are tested one by one."""
+    d = volumes()
+    rng = np.random.default_rng(4)
+    places = np.array([translation(*rng.uniform(-1.5, 1.5, 3)) @ scaling(0.03, 0.04, 0.03) for _ in range(30)])
+    description = replace(
+        d.description,
+        media=tuple(replace(m, matrices=places[k::2]) for k, m in enumerate(d.description.media)),
+        volume_emissions=tuple(replace(m, matrices=places) for m in d.description.volume_emissions),
+    )
+    return replace(d, description=description)
+
+
 SCENES: dict[str, Callable[[], Described]] = {
     "all lights": all_lights,
     "many lights": many_lights,
@@ -361,4 +389,6 @@ SCENES: dict[str, Callable[[], Described]] = {
     "hairs": hairs,
     "linked": linked,
     "linked crowd": linked_crowd,
+    "volumes": volumes,
+    "crowd of volumes": crowd_of_volumes,
 }
