@@ -55,6 +55,7 @@ void bind_volumes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
             return b.add_grid(GridArrays(std::move(leaf_origins), values, std::move(tiles), tile_values, channels).input);
           },
           nb::arg("leaf_origins"), nb::arg("values"), nb::arg("tiles"), nb::arg("tile_values"), nb::arg("channels") = 1)
+      .def("add_blurred_grid", &SceneBuilder::add_blurred_grid, nb::arg("grid"), nb::arg("velocity"), nb::arg("frame"))
       .def("add_medium", [](SceneBuilder& b, const HeldMedium& input) { return left_out_of(b.add_medium(input)); })
       .def("add_volume_emission",
            [](SceneBuilder& b, const HeldEmission& input) { return left_out_of(b.add_volume_emission(input)); });

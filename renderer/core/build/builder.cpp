@@ -393,8 +393,8 @@ bool Scene::needs_left_out() const {
          has_cutouts.is_left_out() || has_emission.is_left_out() || has_thin.is_left_out() ||
          lights.lobe_factors.is_left_out() || lights.has_shaping.is_left_out() || camera.moves.is_left_out() ||
          curves.any.is_left_out() || motion.any_instances.is_left_out() || motion.any_points.is_left_out() ||
-         (volumes &&
-          (volumes->in_media.motion.any_instances.is_left_out() || volumes->in_emissions.motion.any_instances.is_left_out())) ||
+         (volumes && ((!built::kMotion && volumes->grids.any_blurred) || volumes->in_media.motion.any_instances.is_left_out() ||
+                      volumes->in_emissions.motion.any_instances.is_left_out())) ||
          (!built::kMotion && !lights.motion.paths.empty()) || (!built::kLinks && lights.links.words > 0) ||
          (!built::kPortals && !lights.portals.empty()) || (!built::kSpecialShadows && !lights.shadow_rows.empty()) ||
          (!built::kLightImages && !lights.images.empty()) || (!built::kEmission && !geometry_lights.all.empty());

@@ -127,6 +127,8 @@ class SceneBuilder {
   // Add a medium, or emission, and its instances; they return the indices of those that are left out since their matrix is
   // singular or not finite.
   std::vector<int64_t> add_medium(const MediumInput& medium);
+  // Adds a grid that velocities blur (GridTable::add_blurred), and returns its number.
+  int add_blurred_grid(int grid, int velocity, double frame) { return volumes().add_blurred_grid(grid, velocity, frame); }
   std::vector<int64_t> add_volume_emission(const VolumeEmissionInput& emission);
   void set_camera(const CameraInput& camera);
   // Sets an image after all shapes, placements and the camera, which determine the levels that are kept. `tile`: 0, or 1001 to

@@ -86,8 +86,9 @@ PRIMRAY_RARE void offer_volumes(const VolumeTable& volumes, vbool<W> m, const vv
     const VolumeTable::Medium& medium = volumes.media[size_t(volumes.in_media.of[i])];
     const vvec3<W> in_grid = GridRays<W>(volumes.in_media, m, vint<W>(int32_t(i)), p, none, time).o;
     const EventNumbers<W> numbers{seed ^ vuint<W>(uint32_t(i) * 0x632be59bu)};
-    const VoxelChoice<W> near(in_grid, numbers.voxel());
-    const GridRows<W> grid(volumes.grids, vint<W>(medium.grid));
+    const GridRows<W> grid(volumes.grids, vint<W>(medium.grid), time);
+    const VoxelChoice<W> near =
+        grid.voxel_at(in_grid, numbers.voxel(), [&] { return EventNumbers<W>{numbers.seed, vint<W>(1)}.voxel(); });
     const F density = grid.value(near.x, near.y, near.z);
     vvec3<W> albedo{F(medium.albedo[0]), F(medium.albedo[1]), F(medium.albedo[2])};
     if (medium.albedo_grid >= 0) {

@@ -104,7 +104,8 @@ struct CellWalk {
       const float* leaves = grid.table->leaf_ranges.data();
       least = select(by_leaf, gather<W>(leaves, entry), least), most = select(by_leaf, gather<W>(leaves + 1, entry), most);
       set_cell(by_leaf, voxel, kLeafSide);
-      const vbool<W> by_voxel = by_leaf & (most * (nearest_exit() - t) > dense) & (least < most);
+      // Voxels' corners do not bound the values that velocities carry there.
+      const vbool<W> by_voxel = by_leaf & (most * (nearest_exit() - t) > dense) & (least < most) & !grid.is_blurred;
       if (any(by_voxel)) {
         set_cell(by_voxel, voxel, 1);
         look_at_corners(grid, by_voxel, voxel, least, most);

@@ -1,6 +1,8 @@
 // Values of grids at positions in lanes; each lane may read another grid.
 #pragma once
 
+#include <cstddef>
+
 #include "math/lane_checks.hpp"
 #include "volume/grid_table.hpp"
 
@@ -15,13 +17,36 @@ PRIMRAY_INLINE vfloat<W> from_half(vint<W> h) {
   return select((h & vint<W>(0x8000)) != vint<W>(0), -value, value);
 }
 
-// Rows of grids, one per lane.
+// The voxel at which interpolation is sampled at `p` by numbers `u` in [0, 1): one of the eight around it, each with its weight
+// as probability. The mean of the values is that of trilinear interpolation, so estimators that are linear in the value stay
+// unbiased at an eighth of the reads (Hofmann and Evans 2021, "Efficient Unbiased Volume Path Tracing on the GPU").
+template <int W>
+struct VoxelChoice {
+  vint<W> x, y, z;
+  PRIMRAY_INLINE VoxelChoice(const vvec3<W>& p, const vvec3<W>& u)
+      : x(along(p.x, u.x)), y(along(p.y, u.y)), z(along(p.z, u.z)) {}
+
+ private:
+  static PRIMRAY_INLINE vint<W> along(vfloat<W> p, vfloat<W> u) {
+    const vint<W> below = floor_to_int(p);
+    return below - minus_one_where(u < p - to_float(below));
+  }
+};
+
+// Rows of grids, one per lane, at the times of rays.
 template <int W>
 struct GridRows {
   const GridTable* table;
   vint<W> first[3], along[3], node_base, channels;
   vbool<W> is_half;
+  // Of blurred grids: the row of the velocities, and the time since the frame.
+  vbool<W> is_blurred{false};
+  vint<W> velocity{0}, velocity_shift[3] = {vint<W>(0), vint<W>(0), vint<W>(0)};
+  vfloat<W> since{0.0f};
 
+  PRIMRAY_INLINE GridRows(const GridTable& t, vint<W> grid, vfloat<W> time) : GridRows(t, grid) {
+    if (t.any_blurred) set_blur(grid, time);
+  }
   PRIMRAY_INLINE GridRows(const GridTable& t, vint<W> grid) : table(&t) {
     PRIMRAY_ASSERT(are_rows(grid, t.rows.size()));
     static_assert(sizeof(GridTable::Row) % sizeof(int32_t) == 0);
@@ -51,8 +76,31 @@ struct GridRows {
                   step = select(channels == vint<W>(1), vint<W>(0), vint<W>(1));
     return {number(at), number(at + step), number(at + step + step)};
   }
+  // Returns the voxel at which interpolation is sampled at `p` by numbers `u`. Blurred grids take further numbers, `more()`,
+  // for the voxel whose velocity displaces `p`.
+  template <class More>
+  PRIMRAY_INLINE VoxelChoice<W> voxel_at(const vvec3<W>& p, const vvec3<W>& u, const More& more) const {
+    if (table->any_blurred && any(is_blurred)) return VoxelChoice<W>(displaced(p, more()), u);
+    return VoxelChoice<W>(p, u);
+  }
 
  private:
+  PRIMRAY_RARE void set_blur(vint<W> grid, vfloat<W> time) {
+    static_assert(offsetof(GridTable::Row, velocity) == 18 * sizeof(int32_t));
+    const auto* base = reinterpret_cast<const int32_t*>(table->rows.data());
+    const vint<W> row = grid * vint<W>(int32_t(sizeof(GridTable::Row) / sizeof(int32_t)));
+    const vint<W> of = gather<W>(base + 18, row);
+    is_blurred = of >= vint<W>(0), velocity = max(of, vint<W>(0));
+    for (int a = 0; a < 3; ++a) velocity_shift[a] = gather<W>(base + 19 + a, row);
+    since = time - bit_cast<vfloat<W>>(gather<W>(base + 22, row));
+  }
+  // Returns where the value that is at `p` now is in the grid, by the velocity of a voxel that the numbers `u` choose.
+  PRIMRAY_RARE vvec3<W> displaced(const vvec3<W>& p, const vvec3<W>& u) const {
+    const VoxelChoice<W> near(p, u);
+    const vvec3<W> v =
+        GridRows<W>(*table, velocity).color(near.x + velocity_shift[0], near.y + velocity_shift[1], near.z + velocity_shift[2]);
+    return select(is_blurred, p - v * since, p);
+  }
   // Index of the first value of the block that has the voxel at (x, y, z).
   PRIMRAY_INLINE vint<W> block(vint<W> x, vint<W> y, vint<W> z) const {
     return gather<W>(table->leaf_of.data(), entry(node(x >> 7, y >> 7, z >> 7), x >> 3, y >> 3, z >> 3)) << 9;
@@ -71,22 +119,6 @@ struct GridRows {
     }
     if (!all(is_half)) r = select(is_half, r, gather<W>(table->floats.data(), select(is_half, vint<W>(0), at)));
     return r;
-  }
-};
-
-// The voxel at which interpolation is sampled at `p` by numbers `u` in [0, 1): one of the eight around it, each with its weight
-// as probability. The mean of the values is that of trilinear interpolation, so estimators that are linear in the value stay
-// unbiased at an eighth of the reads (Hofmann and Evans 2021, "Efficient Unbiased Volume Path Tracing on the GPU").
-template <int W>
-struct VoxelChoice {
-  vint<W> x, y, z;
-  PRIMRAY_INLINE VoxelChoice(const vvec3<W>& p, const vvec3<W>& u)
-      : x(along(p.x, u.x)), y(along(p.y, u.y)), z(along(p.z, u.z)) {}
-
- private:
-  static PRIMRAY_INLINE vint<W> along(vfloat<W> p, vfloat<W> u) {
-    const vint<W> below = floor_to_int(p);
-    return below - minus_one_where(u < p - to_float(below));
   }
 };
 

@@ -15,8 +15,6 @@
 namespace primray {
 namespace {
 
-constexpr size_t kMostNodes = size_t(1) << 27, kMostEntries = size_t(1) << 30;
-
 using Place = std::array<int32_t, 3>;  // of a leaf or a node, in units of it
 
 struct PlaceHash {
@@ -169,6 +167,21 @@ double sum_of(const GridInput& grid, const GridValues<Value>& values) {
 }
 
 }  // namespace
+
+int32_t GridTable::node_at(const Row& row, const Place& node) const {
+  size_t at = 0;
+  for (size_t a = 0; a < 3; ++a) {
+    const int32_t k = node[a] - row.first_node[a];
+    if (k < 0 || k >= row.nodes_along[a]) return 0;
+    at = at * size_t(row.nodes_along[a]) + size_t(k);
+  }
+  return node_of[size_t(row.node_base) + at];
+}
+
+int32_t GridTable::block_at(const Row& row, const Place& place) const {
+  const size_t entry = size_t((place[0] & 15) << 8 | (place[1] & 15) << 4 | (place[2] & 15));
+  return leaf_of[size_t(node_at(row, primray::node_at(place))) * kNodeEntries + entry];
+}
 
 GridTable::GridTable()
     : node_of{0},

@@ -45,6 +45,8 @@ struct EventNumbers {
     return -0.693147181f * log2_cosine(1.0f - u, u * (2.0f - u));
   }
   PRIMRAY_INLINE vvec3<W> voxel() const { return {(*this)(2), (*this)(3), (*this)(4)}; }
+  // Those for a voxel of velocities.
+  PRIMRAY_INLINE vvec3<W> velocity() const { return {(*this)(5), (*this)(6), (*this)(7)}; }
 };
 
 // Events of segments that end at the first collision.
@@ -71,7 +73,7 @@ struct CollisionEvents {
   // Returns the lanes of `event` that end at distance `at`.
   PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
     const F choice = numbers(1) * walk.high;
-    const VoxelChoice<W> near(walk.in_cell(at), numbers.voxel());
+    const VoxelChoice<W> near = grid.voxel_at(walk.in_cell(at), numbers.voxel(), [&] { return numbers.velocity(); });
     B real = event & is_gray & (choice < walk.low);
     if (const B reads = event & !real; any(reads)) {
       const F value = grid.value(near.x, near.y, near.z);
@@ -115,7 +117,7 @@ struct TransmittanceEvents {
   PRIMRAY_INLINE CellSizes<W> cell_sizes() const { return CellSizes<W>::by_depth(most); }
   PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return (walk.high - walk.low) * most; }
   PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
-    const VoxelChoice<W> near(walk.in_cell(at), numbers.voxel());
+    const VoxelChoice<W> near = grid.voxel_at(walk.in_cell(at), numbers.voxel(), [&] { return numbers.velocity(); });
     const F value = grid.value(near.x, near.y, near.z);
     const F part = min(max((value - walk.low) / max(walk.high - walk.low, 1e-30f), 0.0f), F(1.0f));
     ratio = select(event, ratio * (vvec3<W>(F(1.0f)) - share * part), ratio);
@@ -142,6 +144,7 @@ struct TrackingTask {
   vint<W> grid{0};
   GridSegment<W> segment;
   vuint<W> seed{0u};
+  vfloat<W> time{0.0f};
 };
 
 // Number of steps of all lanes, and of those that had a segment.
@@ -163,6 +166,7 @@ PRIMRAY_INLINE LaneSteps follow_segments(const GridTable& table, int count, cons
   GridRows<W> grid(table, I(0));
   I task(0), grid_number(0);
   F depth(0.0f);  // optical depth up to the next event
+  F time(0.0f);
   B active(false);
   int next = 0;
   LaneSteps steps;
@@ -177,7 +181,8 @@ PRIMRAY_INLINE LaneSteps follow_segments(const GridTable& table, int count, cons
       task = select(fresh, loaded, task);
       const TrackingTask<W> t = load(fresh, task, events);
       grid_number = select(fresh, t.grid, grid_number);
-      grid = GridRows<W>(table, grid_number);
+      time = select(fresh, t.time, time);
+      grid = GridRows<W>(table, grid_number, time);
       numbers.seed = select(fresh, t.seed, numbers.seed), numbers.event = select(fresh, I(0), numbers.event);
       walk.begin(grid, fresh, t.segment.o, t.segment.d, t.segment.from, t.segment.to, events.cell_sizes());
       depth = select(fresh, numbers.exponential(), depth);

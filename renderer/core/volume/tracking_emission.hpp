@@ -26,7 +26,7 @@ struct EmissionEvents {
   PRIMRAY_INLINE CellSizes<W> cell_sizes() const { return CellSizes<W>::leaves(); }
   PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return (walk.high - least(walk)) * per_value; }
   PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
-    const VoxelChoice<W> near(walk.in_cell(at), numbers.voxel());
+    const VoxelChoice<W> near = grid.voxel_at(walk.in_cell(at), numbers.voxel(), [&] { return numbers.velocity(); });
     const F low = least(walk), r = travelled + at, other = relative * r * r / max(scattered_pdf, 1e-30f);
     const F weight = select(relative > F(0.0f), 1.0f / (1.0f + other * other), F(1.0f));
     const vvec3<W> value = grid.color(near.x, near.y, near.z) - vvec3<W>(low);

@@ -122,6 +122,14 @@ int VolumeTable::add_grid(GridInput grid) {
   return grids.add(grid);
 }
 
+int VolumeTable::add_blurred_grid(int grid, int velocity, double frame) {
+  if (grid < 0 || velocity < 0 || size_t(std::max(grid, velocity)) >= grids.rows.size())
+    throw Error("internal", "a blurred grid refers to a grid that does not exist");
+  const dvec3 first = first_voxels[size_t(grid)], shift = first - first_voxels[size_t(velocity)];
+  first_voxels.push_back(first);
+  return grids.add_blurred({grid, velocity, {int32_t(shift.x), int32_t(shift.y), int32_t(shift.z)}, float(frame)});
+}
+
 namespace {
 
 void put(const vec3& v, double factor, float* to) {

@@ -106,10 +106,14 @@ struct VolumeTable {
   std::vector<int32_t> instance_of_light;  // by light's row; -1: no volume
 
   bool any() const { return in_media.any() || in_emissions.any(); }
-  bool any_moves() const { return in_media.motion.any_instances || in_emissions.motion.any_instances; }
+  bool any_moves() const {
+    return in_media.motion.any_instances || in_emissions.motion.any_instances || (built::kMotion && grids.any_blurred);
+  }
   int64_t memory_bytes() const;
   // Adds a grid and returns its number.
   int add_grid(GridInput grid);
+  // Adds a blurred grid, of which and of its velocities these are the numbers, and returns its number.
+  int add_blurred_grid(int grid, int velocity, double frame);
   // Add a medium or emission, for a scene that is recentred and scaled by `core_from_world`. They return the instances that are
   // left out because their matrix is singular or not finite, at any time.
   std::vector<int64_t> add_medium(const MediumInput& input, const daffine& core_from_world, double scale);

@@ -13,6 +13,7 @@ struct Segments {
   size_t count;
   Input<float> rays, extinction;
   Input<int32_t> seeds;
+  float time = 0;
 
   Segments(const GridTable& t, int grid_number, const InFloats& r, const InFloats& e, const InInts& s)
       : table(t), grid(grid_number), count(r.shape(0)), rays(r, count, 8), extinction(e, count, 3), seeds(s, count, 1) {}
@@ -29,7 +30,10 @@ struct Segments {
     };
     vuint<W> seed(0u);
     for (int i = 0; i < W; ++i) seed.set(i, uint32_t(seeds.at(size_t(numbers[i]), 0)));
-    return {vint<W>(grid), {vector(rays, 0), vector(rays, 3), number(rays, 6), number(rays, 7), vector(extinction, 0)}, seed};
+    return {vint<W>(grid),
+            {vector(rays, 0), vector(rays, 3), number(rays, 6), number(rays, 7), vector(extinction, 0)},
+            seed,
+            vfloat<W>(time)};
   }
   // Calls f.operator()<W>(), with the lanes that the test asks for.
   template <class F>
@@ -50,8 +54,10 @@ nb::object voxels(const GridTable& table, int grid, InInts places_, int lanes) {
   return values.array();
 }
 
-nb::object transmittance(const GridTable& table, int grid, InFloats rays, InFloats extinction, InInts seeds, int lanes) {
-  const Segments segments(table, grid, rays, extinction, seeds);
+nb::object transmittance(const GridTable& table, int grid, InFloats rays, InFloats extinction, InInts seeds, int lanes,
+                         float time) {
+  Segments segments(table, grid, rays, extinction, seeds);
+  segments.time = time;
   Column<float> found(segments.count, 3);
   Segments::with_lanes(lanes, [&]<int W>() {
     const auto load = [&](vbool<W> fresh, vint<W> numbers, TransmittanceEvents<W>& events) {
@@ -72,8 +78,9 @@ nb::object transmittance(const GridTable& table, int grid, InFloats rays, InFloa
 }
 
 nb::tuple collisions(const GridTable& table, int grid, InFloats rays, InFloats extinction, InFloats beta_, InInts seeds,
-                     int lanes) {
-  const Segments segments(table, grid, rays, extinction, seeds);
+                     int lanes, float time) {
+  Segments segments(table, grid, rays, extinction, seeds);
+  segments.time = time;
   const Input<float> beta(beta_, segments.count, 3);
   Column<int32_t> happens(segments.count);
   Column<float> distance(segments.count), throughput(segments.count, 3);
@@ -112,6 +119,10 @@ void bind_grids(nb::module_& m) {
             return t.add(GridArrays(leaf_origins, values, tiles, tile_values, channels).input);
           },
           nb::arg("leaf_origins"), nb::arg("values"), nb::arg("tiles"), nb::arg("tile_values"), nb::arg("channels") = 1)
+      .def(
+          "add_blurred",
+          [](GridTable& t, int grid, int velocity, float frame) { return t.add_blurred({grid, velocity, {0, 0, 0}, frame}); },
+          nb::arg("grid"), nb::arg("velocity"), nb::arg("frame"))
       .def("range",
            [](const GridTable& t, int grid) { return nb::make_tuple(t.rows[size_t(grid)].least, t.rows[size_t(grid)].most); })
       .def("box",
@@ -121,9 +132,9 @@ void bind_grids(nb::module_& m) {
            })
       .def("voxels", &voxels, nb::arg("grid"), nb::arg("places"), nb::arg("lanes") = 0)
       .def("transmittance", &transmittance, nb::arg("grid"), nb::arg("rays"), nb::arg("extinction"), nb::arg("seeds"),
-           nb::arg("lanes") = 0)
+           nb::arg("lanes") = 0, nb::arg("time") = 0)
       .def("collisions", &collisions, nb::arg("grid"), nb::arg("rays"), nb::arg("extinction"), nb::arg("beta"),
-           nb::arg("seeds"), nb::arg("lanes") = 0);
+           nb::arg("seeds"), nb::arg("lanes") = 0, nb::arg("time") = 0);
 }
 
 }  // namespace primray

@@ -87,7 +87,8 @@ PRIMRAY_INLINE TrackingTask<W> tracking_task(const VolumePlacements& placed, con
   const vuint<W> seed = bit_cast<vuint<W>>(gather<W>(reinterpret_cast<const int32_t*>(rays.number), ray));
   return {gather<W>(placed.grid.data(), instance),
           {in_grid.o, in_grid.d, gather<W>(passes.from, numbers), gather<W>(passes.to, numbers), vvec3<W>(vfloat<W>(0.0f))},
-          seed ^ mix(bit_cast<vuint<W>>(instance) + vuint<W>(0x85ebca6bu))};
+          seed ^ mix(bit_cast<vuint<W>>(instance) + vuint<W>(0x85ebca6bu)),
+          rays.time_of(ray)};
 }
 template <int W>
 PRIMRAY_INLINE TrackingTask<W> medium_task(const VolumeTable& volumes, const VolumeRays& rays, const VolumePasses& passes,

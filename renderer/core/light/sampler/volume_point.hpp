@@ -40,8 +40,9 @@ PRIMRAY_RARE void sample_volume_point(const VolumeTable& volumes, vbool<W> m, vi
   // Choose a point of it, and a voxel around that
   const auto more = [&](uint32_t k) { return unit_float(mix(bits_ ^ vuint<W>(k * 0x9e3779b9u))); };
   const vvec3<W> p{to_float(cell(0)) + u * side, to_float(cell(1)) + v * side, to_float(cell(2)) + more(1) * side};
-  const GridRows<W> grid(volumes.grids, emission(0));
-  const VoxelChoice<W> near(p, {more(2), more(3), more(4)});
+  const GridRows<W> grid(volumes.grids, emission(0), time);
+  const VoxelChoice<W> near =
+      grid.voxel_at(p, {more(2), more(3), more(4)}, [&] { return vvec3<W>(more(5), more(6), more(7)); });
   const vvec3<W> color = grid.color(near.x, near.y, near.z);
 
   // Compute its direction and radiance
