@@ -21,12 +21,13 @@ class VolumeUpload:
     def __init__(self, builder: compiled.SceneBuilder, warnings: list[tuple[str, str, str]]) -> None:
         self._builder, self._warnings = builder, warnings
         self._numbers: dict[int, int] = {}  # the core's number of a grid, by identity
+        self._blurred: dict[tuple[int, int], int] = {}  # and of one that velocities blur
 
     def add(self, media: Sequence[VolumeMedium], emissions: Sequence[VolumeEmission]) -> None:
         for medium in media:
             made = filled(
                 compiled.MediumInput(),
-                grid=self._grid(medium.grid),
+                grid=self._blurred_grid(medium),
                 albedo_grid=-1 if medium.albedo_grid is None else self._grid(medium.albedo_grid),
                 extinction=medium.extinction,
                 albedo=medium.albedo,
@@ -37,11 +38,20 @@ class VolumeUpload:
         for emission in emissions:
             glow = filled(
                 compiled.VolumeEmissionInput(),
-                grid=self._grid(emission.grid),
+                grid=self._blurred_grid(emission),
                 emission=emission.emission,
                 **_instances(emission),
             )
             self._note(emission.path, len(self._builder.add_volume_emission(glow)))
+
+    def _blurred_grid(self, volume: VolumeMedium | VolumeEmission) -> int:
+        if volume.blur is None:
+            return self._grid(volume.grid)
+        grid, velocity = self._grid(volume.grid), self._grid(volume.blur.velocity)
+        number = self._blurred.get((grid, velocity))
+        if number is None:
+            number = self._blurred[grid, velocity] = self._builder.add_blurred_grid(grid, velocity, volume.blur.frame)
+        return number
 
     def _grid(self, grid: VolumeGrid) -> int:
         number = self._numbers.get(id(grid))

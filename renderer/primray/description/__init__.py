@@ -45,7 +45,7 @@ from .shading import (
     Wrap,
     volume_boundary,
 )
-from .volumes import VolumeEmission, VolumeMedium
+from .volumes import VelocityBlur, VolumeEmission, VolumeMedium
 
 __all__ = [
     "AovRequest",
@@ -103,6 +103,7 @@ __all__ = [
     "TextureFile",
     "TextureInput",
     "TrimCurve",
+    "VelocityBlur",
     "VolumeEmission",
     "VolumeMedium",
     "Wrap",

@@ -23,6 +23,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class VelocityBlur:
+    """Blur of a grid over the exposure: at time t its value at x is that at x - v (t - frame), with the velocity v at x.
+
+    Velocities are interpolated like values, but voxel by voxel: of the eight around x, each displaces by its own velocity, and
+    the mean of what they find has the weights of trilinear interpolation.
+    """
+
+    velocity: VolumeGrid  # of three numbers a voxel: voxels per span of the exposure, on the index space of what is blurred
+    frame: float  # fraction of the span at which nothing is displaced; it may be outside of it
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class VolumeMedium:
     """A medium whose extinction coefficient is that of a grid's values times `extinction`, placed once or several times."""
 
@@ -34,6 +46,7 @@ class VolumeMedium:
     anisotropy: float = 0.0  # g of Henyey and Greenstein; above 0 light is scattered forward
     matrices: Doubles  # (N, 4, 4) world_from_index, one for each instance, at the frame
     motion: MatrixMotion | None = None  # of the instances
+    blur: VelocityBlur | None = None  # of `grid`, and of `albedo_grid` with it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,6 +58,7 @@ class VolumeEmission:
     emission: Color  # radiance per scene length, and per unit of a value
     matrices: Doubles  # (N, 4, 4) world_from_index, one for each instance, at the frame
     motion: MatrixMotion | None = None  # of the instances
+    blur: VelocityBlur | None = None
 
 
 def volume_boxes(volumes: Iterable[VolumeMedium | VolumeEmission]) -> Doubles:

@@ -155,6 +155,7 @@ def _grid_bytes(description: SceneDescription) -> int:
     """Return the bytes of the grids of volumes, of which the core has copies."""
     grids = {id(volume.grid): volume.grid for volume in description.volumes}
     grids |= {id(medium.albedo_grid): medium.albedo_grid for medium in description.media if medium.albedo_grid is not None}
+    grids |= {id(v.blur.velocity): v.blur.velocity for v in description.volumes if v.blur is not None}
     return 2 * sum(grid.nbytes for grid in grids.values())
 
 

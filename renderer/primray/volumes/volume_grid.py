@@ -82,6 +82,18 @@ class VolumeGrid:
         found[there] = self.leaf_values[at, (x * LEAF + y) * LEAF + z]
         return found
 
+    def values_of_leaves(self, origins: npt.NDArray[Any]) -> Floats:
+        """Return the values (n, 512) or (n, 512, 3) of leaves by their first voxels (n, 3), multiples of 8."""
+        origins = origins.astype(np.int64)
+        found = np.empty((len(origins), VOXELS, *self.background.shape), np.float32)
+        found[:] = self.background
+        for places in self._tiles:
+            at, there = places.find(origins)
+            found[there] = self.tile_values[at, None]
+        at, there = self._leaves.find(origins)
+        found[there] = self.leaf_values[at]
+        return found
+
     def sample(self, points: Doubles) -> Doubles:
         """Return trilinearly interpolated values (n,) or (n, 3) at points (n, 3) of index space."""
         points = np.asarray(points, np.float64)

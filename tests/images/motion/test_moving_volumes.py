@@ -26,7 +26,7 @@ from tests.images.motion.motion_scenes import EVEN, box_average, exposed
 from tests.images.motion.volume_scenes import emission, grid_of, medium, path_of, trapezoid, with_volumes
 
 from primray.core.native import module
-from primray.description import Exposure, LightType
+from primray.description import Exposure, LightType, VelocityBlur
 
 SKY = light(LightType.DOME, emission=1.0)
 EYE = translation(0, 0, 30)
@@ -191,6 +191,64 @@ def test_an_instant_of_the_shutter() -> None:
     grid = grid_of(BLOCK)
     scene = with_volumes(strip(), [medium(grid, [first], motion=path_of([first, last]))])
     instant = exposed(scene, Exposure(0.75, 0.75, (0.0, 1.0)))
+    found, error = standard_errors(render(instant.build(), 256))
+    wanted = box_average(lambda x: np.exp(-2.0 * trapezoid(x - 3.0, -3.5, 3.5)), 64, 16.0, 8)
+    np.testing.assert_allclose(found, wanted, atol=5 * error)
+
+
+def blown(shift: Any, half: bool = False) -> VelocityBlur:
+    """The blur by one velocity of a block of 8 voxels, in a grid that is as wide as its way."""
+    velocity = np.broadcast_to(np.asarray(shift, np.float32), (40, 40, 40, 3))
+    return VelocityBlur(velocity=grid_of(velocity, (-16, -16, -16), half), frame=0.5)
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_one_velocity_is_as_a_block_that_sweeps_over_a_line(half: bool) -> None:
+    blurred = medium(grid_of(BLOCK, half=half), [CENTERED], blur=blown((12, 0, 0), half))
+    found, error = standard_errors(render(with_volumes(strip(), [blurred]).build(), 512))
+    wanted = box_average(lambda x: swept(x, 12.0, count=400), 64, 16.0, 8)
+    assert error < 0.01
+    np.testing.assert_allclose(found, wanted, atol=5 * error)
+    assert np.abs(found - wanted).mean() < 1.5 * error
+
+
+def test_one_velocity_is_as_a_motion() -> None:
+    """Scattering, colours of voxels that go with the density, emission and its light on a floor."""
+    random = np.random.default_rng(9)
+    grid, colors = grid_of(random.random((8, 8, 8))), grid_of(random.random((8, 8, 8, 3)))
+    place, shift = translation(-0.4, 0.6, -0.4) @ scaling(0.1, 0.1, 0.1), np.array([10.0, 4.0, -3.0])
+    ends = [place @ translation(*(part * shift)) for part in (-0.5, 0.5)]
+    base = exposed(describe([(ground(4.0), np.eye(4))], [lambert(0.6)],
+                            [light(LightType.DISTANT, rotation([1, 0, 0], -50), 3.0)],
+                            perspective(look_at([0, 2, 6], [0, 0.8, 0]), 0.3), (16, 16)))  # fmt: skip
+    found = []
+    for how in ({"motion": path_of(ends)}, {"blur": blown(shift)}):
+        smoke = medium(grid, [place], 4.0, 1.0, albedo_grid=colors, **how)
+        scene = with_volumes(base, [smoke], [emission(grid, [place], 1.5, **how)])
+        found.append(blocks(render(scene.build(), 1024, max_depth=4, splits=1)))
+    (a, error_a), (b, error_b) = found
+    both = np.hypot(error_a, error_b)
+    assert both < 0.03 * a.mean()
+    np.testing.assert_allclose(a, b, atol=5 * both)
+
+
+def test_lanes_and_threads_of_blurred_volumes() -> None:
+    random = np.random.default_rng(3)
+    scene = everything()
+    d = scene.description
+    wind = VelocityBlur(velocity=grid_of(random.normal(size=(32, 32, 16, 3)) * 4, (-8, -8, -8)), frame=-0.2)
+    media = [replace(m, blur=wind) for m in d.media]
+    built = with_volumes(scene, media, [replace(e, blur=wind) for e in d.volume_emissions]).build()
+    first = render(built, 16, lanes=1)
+    for lanes, threads in ((4, 1), (8, 2), (16, 3)):
+        if lanes <= module().MAX_LANES:
+            again = render(built, 16, lanes=lanes, threads=threads)
+            np.testing.assert_array_equal(first.pixels(), again.pixels(), err_msg=f"{lanes} lanes, {threads} threads")
+
+
+def test_a_shutter_that_is_open_for_an_instant_displaces_all_alike() -> None:
+    blurred = medium(grid_of(BLOCK), [CENTERED], blur=blown((12, 0, 0)))
+    instant = exposed(with_volumes(strip(), [blurred]), Exposure(0.75, 0.75, (0.0, 1.0)))
     found, error = standard_errors(render(instant.build(), 256))
     wanted = box_average(lambda x: np.exp(-2.0 * trapezoid(x - 3.0, -3.5, 3.5)), 64, 16.0, 8)
     np.testing.assert_allclose(found, wanted, atol=5 * error)

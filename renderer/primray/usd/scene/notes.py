@@ -30,6 +30,7 @@ from .schemas import (
     ROLLING_SHUTTER,
     SETTINGS_OF_OTHERS,
     UNDERSTOOD,
+    VELOCITY_SCALES,
     applied_schemas,
     foreign_schema,
     is_without_effect,
@@ -199,7 +200,7 @@ _SCHEMAS_OF_LIGHTS = ("LightAPI", "ShapingAPI", "ShadowAPI")
 _EXTENSIONS = ("inputs:visibility:",)  # read by some renderers, no part of UsdLux
 
 # Other renderers' attributes that are read here, or are reported by their own readers.
-_READ = frozenset((*CAMERA_VISIBILITY, *LIGHT_GROUPS, *SETTINGS_OF_OTHERS)) | {
+_READ = frozenset((*CAMERA_VISIBILITY, *LIGHT_GROUPS, *SETTINGS_OF_OTHERS, *VELOCITY_SCALES)) | {
     name for c in CONVENTIONS for name in (c.blades, c.rotation_deg, c.roundness)
 }
 

@@ -123,6 +123,9 @@ CAMERA_VISIBILITY = (
     "visibleInPrimaryRay",  # Omniverse RTX
 )
 
+# Arnold's factor of the velocities that blur a volume.
+VELOCITY_SCALES = ("primvars:arnold:velocity_scale", "arnold:velocity_scale")
+
 # Light group of a light: Karma's, RenderMan's (an input of its light's shader, or authored on the prim) and Arnold's.
 LIGHT_GROUPS = ("karma:light:lpetag", "ri:light:lightGroup", "inputs:ri:light:lightGroup", "primvars:arnold:aov")
 

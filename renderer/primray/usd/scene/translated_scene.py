@@ -109,5 +109,5 @@ class TranslatedScene:
             any(isinstance(level, MovingInstances) for placement in placements for level in placement.levels)
             or any(not isinstance(shape, Sphere) and shape.motion is not None for shape in self.shapes)
             or any(light.motion is not None for light in self.lights)
-            or any(volume.motion is not None for volume in self.volumes)
+            or any(volume.motion is not None or volume.blur is not None for volume in self.volumes)
         )

@@ -304,7 +304,7 @@ def _is_plain(form: LinearForm, fields: dict[str, Field], widths: set[int]) -> b
     """Return whether a form is a sum of fields with these numbers a voxel, times factors that are not negative."""
     return (
         not form.constant.any()
-        and all(fields[name].grid.width in widths for name in form.factors)
+        and all(fields[name].grid.width in widths and not fields[name].is_velocity for name in form.factors)
         and all((factor >= 0).all() for factor in form.factors.values())
     )
 

@@ -19,6 +19,8 @@ from .files import UnreadableGridError, grid_of_file
 from .motion import FieldMotion, TransformPath, namespace_path
 
 _PREFIX = "field:"
+# Names of fields of velocities, first those that are preferred: Houdini and Arnold write vel or v, Blender velocity.
+VELOCITY_NAMES = ("velocity", "vel", "v")
 # Types of values by fieldDataType, as OpenVDB calls them.
 _TYPES = {
     "half": ("float",),
@@ -51,6 +53,11 @@ class Field:
         if self.motion is not None and self.motion.in_world:
             return self.motion.at(self.instant)[None]
         return np.asarray(instances @ self.group_from_index)
+
+    @property
+    def is_velocity(self) -> bool:
+        """Whether it is named as velocities are, which may be negative, and has vectors."""
+        return self.grid.width == 3 and (self.name in VELOCITY_NAMES or self.grid_name in VELOCITY_NAMES)
 
     @cached_property
     def largest(self) -> float:
@@ -137,7 +144,13 @@ def _field(name: str, prim: Usd.Prim, path: str, ctx: Context) -> tuple[str, Vol
     ctx.caches.volume_files.add(str(asset.resolvedPath))
     grid_name, index = _grid_name(prim, names, name, ctx)
     try:
-        grid, found = grid_of_file(str(asset.resolvedPath), grid_name, index, ctx.settings.max_memory_bytes)
+        grid, found = grid_of_file(
+            str(asset.resolvedPath),
+            grid_name,
+            index,
+            ctx.settings.max_memory_bytes,
+            is_velocity=name in VELOCITY_NAMES or grid_name in VELOCITY_NAMES,
+        )
     except UnreadableGridError as error:
         ctx.warn(error.code, path, f"{asset.path} cannot be read: {error.reason}. The field is missing.", "filePath")
         return None

@@ -6,6 +6,7 @@ translated again do not read it again.
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass, replace
 from typing import Any
@@ -47,17 +48,19 @@ _READ: WeakValueDictionary[tuple[object, ...], VolumeGrid] = WeakValueDictionary
 _FOUND: WeakKeyDictionary[VolumeGrid, FileGrid] = WeakKeyDictionary()
 
 
-def grid_of_file(path: str, name: str | None, index: int, limit: int | None) -> tuple[VolumeGrid, FileGrid]:
+def grid_of_file(
+    path: str, name: str | None, index: int, limit: int | None, *, is_velocity: bool = False
+) -> tuple[VolumeGrid, FileGrid]:
     """Return a grid of a file, the only one if `name` is None, and what was found in it.
 
-    `limit`: the most bytes that it may have.
+    `limit`: the most bytes that it may have. `is_velocity`: its vectors keep their signs.
 
     `path` is resolved: a file, or a member of a package. Raises UnreadableGridError.
     """
-    key = (*_state_of(path), name, index, limit)
+    key = (*_state_of(path), name, index, limit, is_velocity)
     grid = _READ.get(key)
     if grid is None:
-        grid, found = _read(path, name, index, machine_bytes() // 2 if limit is None else limit)
+        grid, found = _read(path, name, index, machine_bytes() // 2 if limit is None else limit, is_velocity)
         _READ[key], _FOUND[grid] = grid, found
     return grid, _FOUND[grid]
 
@@ -72,7 +75,7 @@ def _state_of(path: str) -> tuple[object, ...]:
     return path, found.st_mtime_ns, found.st_size, found.st_ino
 
 
-def _read(path: str, name: str | None, index: int, limit: int) -> tuple[VolumeGrid, FileGrid]:
+def _read(path: str, name: str | None, index: int, limit: int, is_velocity: bool) -> tuple[VolumeGrid, FileGrid]:
     try:
         data = read_asset(path)
     except AssetError as error:
@@ -81,7 +84,7 @@ def _read(path: str, name: str | None, index: int, limit: int) -> tuple[VolumeGr
         grids = list_grids(data)
         info = _only(grids) if name is None else find_grid(grids, name, index)
         _check_size(info, len(data), limit)
-        return _usable(read_grid(data, grids, info), info)
+        return _usable(read_grid(data, grids, info), info, is_velocity)
     except BloscMissingError as error:
         raise UnreadableGridError("volume-field", f"{error}") from None
     except VdbError as error:
@@ -106,9 +109,13 @@ def _check_size(info: GridInfo, file_bytes: int, limit: int) -> None:
         raise UnreadableGridError(TOO_LARGE, reason + f"{limit / 1e6:,.0f} MB are allowed")
 
 
-def _usable(grid: VolumeGrid, info: GridInfo) -> tuple[VolumeGrid, FileGrid]:
-    """Return the grid with 0 for values that are negative or not finite, and for its background."""
+def _usable(grid: VolumeGrid, info: GridInfo, is_velocity: bool) -> tuple[VolumeGrid, FileGrid]:
+    """Return the grid with 0 for values that are not finite, for its background and, unless it is one of velocities, for values
+    that are negative."""
     changes: list[str] = []
+    lowest = 0.0
+    if is_velocity and grid.width == 3:
+        grid, lowest = replace(grid, negative=0), -math.inf
     if grid.grid_class == LEVEL_SET:
         changes.append("It is a level set: its distances are read as they are, those inside as 0.")
     elif grid.nonfinite or grid.negative:
@@ -117,10 +124,10 @@ def _usable(grid: VolumeGrid, info: GridInfo) -> tuple[VolumeGrid, FileGrid]:
         changes.append(f"{counted[0].upper()}{counted[1:]}: they are read as 0.")
     if np.any(grid.background != 0):
         changes.append(f"Its background is {_shown(grid.background)}: it is read as 0.")
-    tiles = _clean(grid.tile_values.copy()) if grid.nonfinite or grid.negative else grid.tile_values
+    tiles = _clean(grid.tile_values.copy(), lowest) if grid.nonfinite or grid.negative else grid.tile_values
     if grid.nonfinite or grid.negative:
         for start in range(0, len(grid.leaf_values), _ROWS):
-            _clean(grid.leaf_values[start : start + _ROWS])
+            _clean(grid.leaf_values[start : start + _ROWS], lowest)
     kept = (tiles != 0).reshape(len(tiles), grid.width).any(axis=1)
     cleaned = replace(
         grid,
@@ -138,7 +145,7 @@ def _shown(value: npt.NDArray[Any]) -> str:
     return ", ".join(f"{x:g}" for x in np.atleast_1d(value).tolist())
 
 
-def _clean(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Set values to 0 in place that are not finite or are negative."""
-    values[~(np.isfinite(values) & (values >= 0))] = 0
+def _clean(values: npt.NDArray[Any], lowest: float) -> npt.NDArray[Any]:
+    """Set values to 0 in place that are not finite or are below `lowest`."""
+    values[~(np.isfinite(values) & (values >= lowest))] = 0
     return values

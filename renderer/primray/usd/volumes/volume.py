@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles
 from ...description import VolumeEmission, VolumeMedium
 from ...description.placement import chunks
+from ...volumes.volume_grid import VolumeGrid
 from ..instancing.instances import Chain
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
@@ -18,6 +21,7 @@ from .fields import fields_of
 from .files import TOO_LARGE
 from .motion import VolumePath, VolumePlace
 from .shaders import coefficients_of, storm_fallback
+from .velocity import TooFarError, Velocities, velocities_of
 
 
 def add_volume(
@@ -46,11 +50,33 @@ def add_volume(
     except TooLargeError as error:
         ctx.warn(TOO_LARGE, leaf.path, f"It is not rendered: {error}.")
         return
-    ctx.warn("volume-convention", leaf.path, maker.coefficients.convention)
+    velocities = velocities_of(leaf, fields, ctx)
+    blurred = "" if velocities is None else _blur(media, emissions, maker, velocities)
+    ctx.warn("volume-convention", leaf.path, maker.coefficients.convention + blurred)
     if ctx.timing.is_open:
         _add_paths(scene, media, emissions, maker, VolumePlace(leaf.path, chains, usable, blur_scale))
     scene.media += media
     scene.volume_emissions += emissions
+
+
+def _blur(media: list[VolumeMedium], emissions: list[VolumeEmission], maker: VolumeMaker, velocities: Velocities) -> str:
+    """Blur media and emissions by velocities, and return what the report says of it."""
+    fields = {id(matrices): of for matrices, of in maker.placed}
+    by_field: dict[str, list[VolumeGrid]] = {}
+    drawn: list[VolumeMedium | VolumeEmission] = [*media, *emissions]
+    for volume in drawn:
+        by_field.setdefault(fields[id(volume.matrices)].name, []).append(volume.grid)
+    try:
+        blurs = {name: velocities.blur_of(maker.fields[name], grids) for name, grids in by_field.items()}
+    except TooFarError as error:
+        maker.ctx.warn("motion", maker.path, f"It is not blurred by its velocities, as {error}.")
+        return ""
+    if not any(blurs.values()):
+        return ""
+    media[:] = [replace(medium, blur=blurs[fields[id(medium.matrices)].name]) for medium in media]
+    emissions[:] = [replace(glow, blur=blurs[fields[id(glow.matrices)].name]) for glow in emissions]
+    name = velocities.field.name
+    return f" While the shutter is open it is blurred by the velocities of the field {name}, in the field's units per second."
 
 
 def _add_paths(
