@@ -67,6 +67,20 @@ struct EmissionPlaces {
   }
 };
 
+// Returns the rays of `m` that cross the box around an instance's path.
+template <int W>
+PRIMRAY_INLINE vbool<W> near_path(const Box& box, vbool<W> m, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> begin,
+                                  vfloat<W> end) {
+  using F = vfloat<W>;
+  const auto clip = [&](F origin, F way, float low, float high) {
+    const F inverse = 1.0f / select(abs(way) < F(1e-18f), copysign(F(1e-18f), way), way);
+    const F a = (low - origin) * inverse, b = (high - origin) * inverse;
+    begin = max(begin, min(a, b)), end = min(end, max(a, b));
+  };
+  clip(o.x, d.x, box.low.x, box.high.x), clip(o.y, d.y, box.low.y, box.high.y), clip(o.z, d.z, box.low.z, box.high.z);
+  return m & (begin <= end);
+}
+
 // Clips rays to the box of a grid: `from` and `to` become those of the part inside, which is empty where from >= to.
 template <int W>
 PRIMRAY_INLINE void clip_to_grid(const GridTable::Row& row, const GridRays<W>& ray, vfloat<W>& from, vfloat<W>& to) {
@@ -139,10 +153,12 @@ PRIMRAY_RARE NextVolume<W> next_volume(const GridTable& grids, const VolumePlace
   }
   for (int32_t i = 0; i < int32_t(placed.size()); ++i) {
     const GridTable::Row& row = grids.rows[size_t(placed.grid[size_t(i)])];
+    vbool<W> near = m;
+    if (placed.motion.any_instances && !any(near = near_path(placed.boxes[size_t(i)], m, o, d, begin, end))) continue;
     F from = begin, to = end;
-    clip_to_grid(row, GridRays<W>(placed, m, I(i), o, d, time), from, to);
+    clip_to_grid(row, GridRays<W>(placed, near, I(i), o, d, time), from, to);
     const vbool<W> after = (last.instance < I(0)) | (from > last.from) | ((from == last.from) & (I(i) > last.instance));
-    const vbool<W> is = m & (from < to) & after & (from < found.from);
+    const vbool<W> is = near & (from < to) & after & (from < found.from);
     found.instance = select(is, I(i), found.instance), found.from = select(is, from, found.from);
     found.to = select(is, to, found.to);
   }

@@ -49,7 +49,9 @@ PRIMRAY_INLINE void pass_volumes(const GridTable& grids, const VolumePlacements&
     store(passes.left + i, lane_numbers<W>() + I(i));
     store(passes.last_instance + i, I(-1)), store(passes.last_from + i, vfloat<W>(0.0f));
   }
-  for (int left = count; left > 0;) {
+  // A ray enters each instance once.
+  int left = count;
+  for (size_t pass = 0; left > 0 && pass < placed.size(); ++pass) {
     int staying = 0;
     passes.count = 0;
     for (int at = 0; at < left; at += W) {
