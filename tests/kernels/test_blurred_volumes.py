@@ -53,12 +53,31 @@ RAYS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("most", "first", "size"), [(3.0, (-24, -16, 0), 64), (30.0, (-72, -56, -48), 128), (600.0, (0, 0, 0), 32)]
-)
+def gusts(most: float) -> list[Dense]:
+    """Velocities that change from leaf to leaf: cells must know those of the first voxels of the leaves above."""
+    leaves = np.random.default_rng(11).uniform(-most, most, (3, 8, 8, 8)) * (np.indices((8, 8, 8)).sum(axis=0) % 2)
+    return [Dense(np.kron(one, np.ones((8, 8, 8))).astype(np.float32), (-24, -16, -8)) for one in leaves]
+
+
+def sparks() -> Dense:
+    """Few voxels of large values: a cell whose range does not reach far enough misses them."""
+    random = np.random.default_rng(12)
+    return Dense(np.where(random.random((40, 40, 40)) < 0.004, 8.0, 0.0).astype(np.float32), (-16, 0, 8))
+
+
+SCENES = {
+    "near": (cloud, lambda: velocities(3.0, (-24, -16, 0), 64)),
+    "far": (cloud, lambda: velocities(30.0, (-72, -56, -48), 128)),
+    "very far": (cloud, lambda: velocities(600.0, (0, 0, 0), 32)),
+    "sparks": (sparks, lambda: velocities(12.0, (-24, -16, 0), 64)),
+    "sparks, gusts": (sparks, lambda: gusts(14.0)),
+}
+
+
+@pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("is_half", [False, True])
-def test_transmittance_and_distances(most: float, first: tuple[int, int, int], size: int, is_half: bool) -> None:
-    density, moves = cloud(), velocities(most, first, size)
+def test_transmittance_and_distances(scene: str, is_half: bool) -> None:
+    density, moves = SCENES[scene][0](), SCENES[scene][1]()
     if is_half:
         density = Dense(density.voxels.astype(np.float16).astype(np.float32), density.first)
     table, blurred = table_of(density, moves, is_half)
