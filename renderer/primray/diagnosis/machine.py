@@ -80,11 +80,7 @@ def _images(version: str) -> str:
 
 
 def _volumes() -> str:
-    """Return how OpenVDB files are read; a machine without the optional package works for all others."""
-    try:
-        return f"OpenVDB files, with blosc {metadata.version('blosc')}"
-    except metadata.PackageNotFoundError:
-        return "OpenVDB files, but none whose values are compressed by Blosc, as most are (pip install 'primray[volumes]')"
+    return f"OpenVDB files, with blosc {metadata.version('blosc')}"
 
 
 def _schemas() -> str:

@@ -20,10 +20,6 @@ class UnsupportedVdbError(VdbError):
     """A grid that may be valid but is not read: its type, its transform or the file's version is not supported."""
 
 
-class BloscMissingError(VdbError):
-    """A grid whose values are compressed by Blosc, while no package that decompresses them is installed."""
-
-
 _U32, _I32, _I64, _F64 = (struct.Struct(code) for code in ("<I", "<i", "<q", "<d"))
 
 

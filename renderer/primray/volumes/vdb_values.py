@@ -1,6 +1,6 @@
 """The values of one node of a tree (openvdb/io/Compression.h): types, codes of inactive values, and compressed chunks.
 
-The only file that imports blosc (the extra primray[volumes]), when it first comes to values that Blosc compressed. How many
+The only file that imports blosc, when it first comes to values that Blosc compressed. How many
 bytes a chunk decompresses to is known from masks before it is read: memory is allocated for that number, and for no other.
 """
 
@@ -11,13 +11,12 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from .vdb_bytes import BloscMissingError, VdbBytes, VdbError
+from .vdb_bytes import VdbBytes, VdbError
 
 ZIP, ACTIVE_MASK, BLOSC = 1, 2, 4  # flags of compression
 FLAGS = ZIP | ACTIVE_MASK | BLOSC
@@ -233,13 +232,10 @@ def _unzip(chunk: bytes, wanted: int) -> bytes:
     return found
 
 
-def has_blosc() -> bool:
-    return find_spec("blosc") is not None
-
-
 def _blosc_decompress() -> Callable[[bytes, int], bytes]:
     """Return a decompressor of Blosc chunks, which checks their header: the package trusts it."""
-    found: list[Callable[[bytes], bytes]] = []
+    import blosc
+
     unpack = _BLOSC_HEADER.unpack_from
     header = _BLOSC_HEADER.size
 
@@ -253,10 +249,8 @@ def _blosc_decompress() -> Callable[[bytes, int], bytes]:
             return b""
         if not number or not 0 < block <= size:
             raise VdbError(f"its Blosc chunk has numbers of {number} bytes in blocks of {block}")
-        if not found:
-            found.append(_package().decompress)
         try:
-            return found[0](chunk)
+            return blosc.decompress(chunk)
         except Exception as error:  # blosc_extension.error, which has no public name
             raise VdbError(f"its values cannot be decompressed ({error})") from None
 
@@ -266,21 +260,13 @@ def _blosc_decompress() -> Callable[[bytes, int], bytes]:
 @contextmanager
 def one_blosc_thread(compression: int) -> Iterator[None]:
     """Decompress on the calling thread for as long as this lasts: chunks are too small to divide them among Blosc's threads."""
-    if not compression & BLOSC or not has_blosc():
+    if not compression & BLOSC:
         yield
         return
-    package = _package()
-    threads = package.set_nthreads(1)
+    import blosc
+
+    threads = blosc.set_nthreads(1)
     try:
         yield
     finally:
-        package.set_nthreads(threads)
-
-
-def _package() -> Any:
-    try:
-        import blosc
-    except ImportError:
-        how = "pip install 'primray[volumes]'"
-        raise BloscMissingError(f"its values are compressed by Blosc, which needs a package: {how}") from None
-    return blosc
+        blosc.set_nthreads(threads)

@@ -14,7 +14,6 @@ from tests import vdb_writer as vdb
 
 from primray.volumes.vdb_bytes import VdbError
 from primray.volumes.vdb_file import list_grids, read_grid
-from primray.volumes.vdb_values import has_blosc
 
 FILES = Path(__file__).parent / "files"
 SLOWEST_S = 10.0  # of a file that takes 10 ms on an idle machine
@@ -23,7 +22,7 @@ EXTREMES = (0, 1, 7, 0x7F, 0xFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 1 <
 
 
 def originals() -> list[bytes]:
-    flags = [0, vdb.ACTIVE_MASK, vdb.ZIP | vdb.ACTIVE_MASK, *([vdb.BLOSC | vdb.ACTIVE_MASK, vdb.BLOSC] if has_blosc() else [])]
+    flags = [0, vdb.ACTIVE_MASK, vdb.ZIP | vdb.ACTIVE_MASK, vdb.BLOSC | vdb.ACTIVE_MASK, vdb.BLOSC]
     kinds = [("float", False), ("float", True), ("vec3s", True), ("double", False), ("int64", False), ("bool", False)]
     leaves = dict(list(vdb.sample_grid().leaves.items())[:3])
     made = [
@@ -33,7 +32,7 @@ def originals() -> list[bytes]:
     ]
     made += [vdb.vdb_bytes([vdb.sample_grid(kind, half, flags[k % len(flags)])]) for k, (kind, half) in enumerate(kinds)]
     made.append(vdb.vdb_bytes([vdb.sample_grid(), vdb.Grid(name="again", parent="density")], has_offsets=False))
-    return [*made, *(path.read_bytes() for path in sorted(FILES.glob("*.vdb")) if has_blosc())]
+    return [*made, *(path.read_bytes() for path in sorted(FILES.glob("*.vdb")))]
 
 
 def damaged(data: bytes, rng: np.random.Generator) -> bytes:

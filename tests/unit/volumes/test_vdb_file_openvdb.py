@@ -15,10 +15,8 @@ from tests import openvdb_files, openvdb_oracle
 from tests import vdb_writer as vdb
 
 from primray.volumes.vdb_file import GridInfo, list_grids, read_grid
-from primray.volumes.vdb_values import has_blosc
 from primray.volumes.volume_grid import VolumeGrid
 
-pytestmark = pytest.mark.skipif(not has_blosc(), reason="primray[volumes] is not installed")
 FILES = Path(__file__).parent / "files"
 BOX = [[-30, 10, -16], [40, 30, 8]]
 PROBES = np.concatenate(

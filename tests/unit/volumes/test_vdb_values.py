@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from tests import vdb_writer as vdb
 
-from primray.volumes.vdb_bytes import BloscMissingError, VdbBytes, VdbError
+from primray.volumes.vdb_bytes import VdbBytes, VdbError
 from primray.volumes.vdb_file import list_grids, read_grid
-from primray.volumes.vdb_values import chunk_reader, has_blosc, read_inactive, value_type
+from primray.volumes.vdb_values import chunk_reader, read_inactive, value_type
 
-needs_blosc = pytest.mark.skipif(not has_blosc(), reason="primray[volumes] is not installed")
 COMPRESSIONS = [
-    pytest.param(flags, id=name, marks=[needs_blosc] if flags & vdb.BLOSC else [])
+    pytest.param(flags, id=name)
     for name, flags in (
         ("none", 0),
         ("mask", vdb.ACTIVE_MASK),
@@ -94,7 +93,6 @@ def test_zip_chunks_decompress_to_exactly_what_the_masks_give(chunk: bytes) -> N
         chunk_reader(kind, vdb.ZIP)(data, 0, len(data), 16)
 
 
-@needs_blosc
 @pytest.mark.parametrize(
     ("offset", "code", "value"),
     [(4, "<I", 1 << 30), (4, "<I", 15), (12, "<I", 20), (8, "<I", 0), (8, "<I", 1 << 30), (3, "<B", 0), (0, "<B", 99)],
@@ -111,19 +109,6 @@ def test_headers_of_blosc_chunks_are_checked(offset: int, code: str, value: int)
         chunk_reader(kind, vdb.BLOSC)(data, 0, len(data), 4096)
 
 
-@needs_blosc
-def test_without_the_package_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    data = vdb.vdb_bytes([vdb.sample_grid(compression=vdb.BLOSC | vdb.ACTIVE_MASK)])
-    raw = vdb.vdb_bytes([vdb.sample_grid(compression=vdb.ACTIVE_MASK)])
-    monkeypatch.setitem(sys.modules, "blosc", None)
-    grids = list_grids(data)
-    with pytest.raises(BloscMissingError, match=r"grid 'density', .*pip install 'primray\[volumes\]'"):
-        read_grid(data, grids, grids[0])
-    others = list_grids(raw)
-    assert read_grid(raw, others, others[0]).active_voxels == grids[0].active_voxels
-
-
-@needs_blosc
 def test_files_without_blosc_do_not_load_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "blosc", None)
     data = vdb.vdb_bytes([vdb.sample_grid(compression=vdb.ZIP | vdb.ACTIVE_MASK)])
@@ -131,7 +116,6 @@ def test_files_without_blosc_do_not_load_it(monkeypatch: pytest.MonkeyPatch) -> 
     assert len(read_grid(data, grids, grids[0]).leaf_values) == 9
 
 
-@needs_blosc
 def test_the_number_of_threads_of_others_is_kept() -> None:
     import blosc
 

@@ -18,7 +18,7 @@ from pxr import Ar
 
 from ...errors import AssetError
 from ...process_memory import machine_bytes
-from ...volumes.vdb_bytes import BloscMissingError, VdbError
+from ...volumes.vdb_bytes import VdbError
 from ...volumes.vdb_file import GridInfo, find_grid, list_grids, read_grid
 from ...volumes.volume_grid import LEVEL_SET, VolumeGrid
 from ..stage.reads import read_asset
@@ -85,8 +85,6 @@ def _read(path: str, name: str | None, index: int, limit: int, is_velocity: bool
         info = _only(grids) if name is None else find_grid(grids, name, index)
         _check_size(info, len(data), limit)
         return _usable(read_grid(data, grids, info), info, is_velocity)
-    except BloscMissingError as error:
-        raise UnreadableGridError("volume-field", f"{error}") from None
     except VdbError as error:
         raise UnreadableGridError("volume-field", f"{error}") from None
 
