@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include <nanobind/stl/string.h>
@@ -134,6 +135,37 @@ std::tuple<OutArray<double, 3>, OutArray<double, 3>> removed_rows(const Film& f,
           to_numpy(std::move(differences), {h, w, size_t(Film::kColors)})};
 }
 
+// Returns the number of samples (H, W) of the deep picture and, pixel by pixel and front to back, (N, 6) of each: Z, ZBack, R,
+// G, B, A.
+std::tuple<OutArray<uint32_t, 2>, OutArray<float, 2>> deep_samples(const Film& f, double exposure) {
+  if (!f.deep) throw Error("invariant", "the film has no deep picture");
+  std::vector<uint32_t> counts(f.pixels());
+  std::vector<DeepSample> samples;
+  {
+    const nb::gil_scoped_release release;
+    for (size_t p = 0, other = f.pixels(); p < f.pixels(); ++p, ++other) {
+      const size_t before = samples.size();
+      append_samples(*f.deep, p, f.covered[p] + f.covered[other], f.counts[p] + f.counts[other], Film::kCovered, exposure,
+                     samples);
+      counts[p] = uint32_t(samples.size() - before);
+    }
+  }
+  static_assert(sizeof(DeepSample) == 6 * sizeof(float));
+  std::vector<float> values(6 * samples.size());
+  if (!samples.empty()) std::memcpy(values.data(), samples.data(), samples.size() * sizeof(DeepSample));
+  const size_t n = samples.size();
+  return {to_numpy(std::move(counts), {size_t(f.height), size_t(f.width)}), to_numpy(std::move(values), {n, 6})};
+}
+
+std::unique_ptr<Film> make_film(int width, int height, int expressions, int removals, double deep_tolerance, int deep_samples) {
+  auto f = std::make_unique<Film>(width, height, expressions, removals);
+  if (deep_tolerance == 0) return f;
+  if (!(deep_tolerance >= DepthCells::kFinest && deep_tolerance <= 1) || deep_samples < DeepFilm::kLeast)
+    throw Error("invariant", "the tolerance or the number of samples of a deep picture is out of range");
+  f->deep = std::make_unique<DeepFilm>(f->pixels(), deep_tolerance, deep_samples);
+  return f;
+}
+
 FrameError error_of(const Film& f, double exposure, int64_t most_pixels, int threads) {
   const nb::gil_scoped_release release;
   return frame_error(f, exposure, most_pixels, threads);
@@ -174,8 +206,8 @@ void bind_film(nb::module_& m) {
       .def_ro("squared_variance", &FrameError::squared_variance)
       .def_prop_ro("tiles", [](const FrameError& e) { return to_numpy(std::vector(e.tiles), {e.tiles.size()}); }, kNewArray);
   nb::class_<Film>(m, "Film")
-      .def(nb::init<int, int, int, int>(), nb::arg("width"), nb::arg("height"), nb::arg("expressions") = 0,
-           nb::arg("removals") = 0)
+      .def(nb::new_(&make_film), nb::arg("width"), nb::arg("height"), nb::arg("expressions") = 0, nb::arg("removals") = 0,
+           nb::arg("deep_tolerance") = 0.0, nb::arg("deep_samples") = 0)
       .def_static("from_state", &film_from, nb::arg("width"), nb::arg("height"), nb::arg("state"))
       .def("state", &state_of)
       .def("merge", &Film::merge, nb::arg("other"))
@@ -184,6 +216,8 @@ void bind_film(nb::module_& m) {
       .def("image", &image, nb::arg("exposure"))
       .def("lpe_images", &lpe_images, nb::arg("exposure"))
       .def("removed_rows", &removed_rows, nb::arg("why"), nb::arg("exposure"), nb::arg("first"), nb::arg("end"))
+      .def("deep_samples", &deep_samples, nb::arg("exposure"))
+      .def_prop_ro("deep_memory_bytes", [](const Film& f) { return f.deep ? f.deep->memory_bytes() : 0; })
       .def_ro("expressions", &Film::expressions)
       .def("error", &error_of, nb::arg("exposure"), nb::arg("most_pixels"), nb::arg("threads"),
            "Sums over pixels and colours; see film/frame_error.hpp.")

@@ -33,6 +33,7 @@ void Film::merge(const Film& other) {
   for (size_t why = 0; why < kRemovals; ++why)
     if (other.removed[why].bins.size() != removed[why].bins.size())
       throw Error("settings-error", "films that leave out different light cannot be merged");
+  if (deep || other.deep) throw Error("settings-error", "films of deep pictures cannot be merged");
   std::vector<ExactSum> terms(size_t(expressions), ExactSum{});
   for (size_t p = 0; p < counts.size(); ++p) {
     for (int c = 0; c < kColors; ++c) {

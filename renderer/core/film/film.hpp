@@ -8,10 +8,12 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <vector>
 
 #include "base/assert.hpp"
+#include "film/deep_film.hpp"
 #include "film/exact_sum.hpp"
 
 namespace primray {
@@ -59,6 +61,7 @@ struct Film {
   std::vector<int64_t> routed;
   // Light left out of `parts`, by pixel and colour as there, where it is counted.
   std::array<PixelSums, kRemovals> removed;
+  std::unique_ptr<DeepFilm> deep;  // null: no deep picture
   std::atomic<int64_t> camera_rays{0}, scattered_rays{0}, shadow_rays{0}, invalid_samples{0}, samples{0};
 
   std::array<std::mutex, 64> locks;

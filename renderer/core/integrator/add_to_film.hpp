@@ -119,6 +119,14 @@ inline void add_lpe_light(LpeStore& lpe, const Worker& w, int slot, int count, s
   }
 }
 
+// Adds the layers of samples [slot, slot + count) to the deep picture.
+PRIMRAY_RARE void add_layers(Worker& w, int slot, int count, size_t pixel, Film& film) {
+  for (int s = slot; s < slot + count; ++s) {
+    if (!std::isfinite(w.r[s]) || !std::isfinite(w.g[s]) || !std::isfinite(w.b[s])) continue;
+    w.deep->add_to(*film.deep, pixel, s, {w.r[s], w.g[s], w.b[s]}, finished_coverage(w.a[s]), Film::kCovered);
+  }
+}
+
 // Adds the light of samples [slot, slot + count) of pixel `p` that the image leaves out.
 inline void add_removed(PixelSums& removed, size_t p, const float* const (&colors)[3], int slot, int count) {
   for (size_t c = 0; c < 3; ++c) removed.add(p * Film::kColors + c, exact_sum(colors[c] + slot, count));
@@ -137,6 +145,7 @@ inline void add_to_film(const TileBlock& block, Worker& w, int pixels, int sampl
     int slot = i * samples;
     for (int replicate = 0; replicate < kReplicates; slot += block.count[replicate++]) {
       const size_t p = film.at(replicate, block.film_x + w.pixel_x[i], block.film_y + w.pixel_y[i]);
+      if (film.deep) add_layers(w, slot, block.count[replicate], p % film.pixels(), film);
       if (film.expressions > 0) add_lpe_light(*w.lpe, w, slot, block.count[replicate], p, film);
       const int taken = block.count[replicate], valid = drop_invalid(w, slot, taken, film);
       if (valid > 0) {

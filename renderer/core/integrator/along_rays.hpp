@@ -208,6 +208,11 @@ PRIMRAY_RARE void send_along_rays(Round& round) {
     const F share = chosen.choice.probability / (density + by_vertices);
     lit &= chosen.choice.probability > F(0.0f);
     p.beta = p.beta * left * around * medium.scattered() * share;
+    if (round.deep)
+      for (uint32_t b = bits(lit); b; b &= b - 1) {
+        const int i = __builtin_ctz(b);
+        if (!(p.slot[i] & kSettled)) p.slot.set(i, round.deep->lit(p.slot[i], depth_at(scene, p.ray, t[i], i), true));
+      }
     const MediumInterface<W> media{own, Boundary<W>(own.stack), {}};
     with_phase_vertex(round, p, vint<W>(-1), t, medium.anisotropy, round.follows_media() ? &media : nullptr,
                       [&](const auto& v) { queue_light_sample(round, lit, chosen, v, p, v.it.p, F(1.0f)); });

@@ -14,7 +14,9 @@ template <int W>
 PRIMRAY_RARE void reduce_alpha(Round& round, vbool<W> escaped, const PathLanes<W>& p) {
   for (uint32_t b = bits(escaped); b; b &= b - 1) {
     const int k = __builtin_ctz(b);
-    round.worker.a[p.slot[k]] -= (p.beta.x[k] + p.beta.y[k] + p.beta.z[k]) * (1.0f / 3);
+    const float part = (p.beta.x[k] + p.beta.y[k] + p.beta.z[k]) * (1.0f / 3);
+    alpha_of(round, p.slot[k]) -= part;
+    if (round.deep) round.deep->cover(p.slot[k], -part);
   }
 }
 
@@ -24,8 +26,11 @@ PRIMRAY_RARE void reduce_alpha_of_escaped(Round& round, vbool<W> escaped, vbool<
   const uint32_t unlit = bits(nothing);
   for (uint32_t b = bits(escaped); b; b &= b - 1) {
     const int k = __builtin_ctz(b);
-    float& a = round.worker.a[p.slot[k]];
-    if (a >= kThroughGaps || (unlit >> k & 1)) a -= (p.beta.x[k] + p.beta.y[k] + p.beta.z[k]) * (1.0f / 3);
+    float& a = alpha_of(round, p.slot[k]);
+    if (a < kThroughGaps && !(unlit >> k & 1)) continue;
+    const float part = (p.beta.x[k] + p.beta.y[k] + p.beta.z[k]) * (1.0f / 3);
+    a -= part;
+    if (round.deep) round.deep->cover(p.slot[k], -part);
   }
 }
 
@@ -34,7 +39,7 @@ PRIMRAY_RARE void reduce_alpha_of_escaped(Round& round, vbool<W> escaped, vbool<
 template <int W>
 PRIMRAY_RARE void mark_gaps(Round& round, vbool<W> gaps, const PathLanes<W>& p) {
   for (uint32_t b = bits(gaps & (p.vertex == vint<W>(0))); b; b &= b - 1) {
-    float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
+    float& a = alpha_of(round, p.slot[__builtin_ctz(b)]);
     if (a < kThroughGaps) a += kGapMark;
   }
 }
@@ -43,7 +48,7 @@ PRIMRAY_RARE void mark_gaps(Round& round, vbool<W> gaps, const PathLanes<W>& p) 
 template <int W>
 PRIMRAY_RARE void clear_gap_marks(Round& round, vbool<W> hit, const PathLanes<W>& p) {
   for (uint32_t b = bits(hit); b; b &= b - 1) {
-    float& a = round.worker.a[p.slot[__builtin_ctz(b)]];
+    float& a = alpha_of(round, p.slot[__builtin_ctz(b)]);
     if (a >= kThroughGaps) a -= kGapMark;
   }
 }

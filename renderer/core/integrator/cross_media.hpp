@@ -7,6 +7,7 @@
 #include "integrator/lpe_light.hpp"
 #include "integrator/media.hpp"
 #include "integrator/phase_vertex.hpp"
+#include "integrator/place_in_depth.hpp"
 #include "integrator/sample_light.hpp"
 #include "integrator/scatter.hpp"
 
@@ -29,6 +30,7 @@ PRIMRAY_INLINE void scatter_unlit(Round& round, vbool<W> scatters, const PathLan
 
   // Update the path state
   n.vertex = bounce;
+  if (round.deep) n.slot = n.slot | vint<W>(kSettled);
   const vbool<W> below = state.in_subsurface();
   n.depth = p.depth + select(below, vint<W>(0), vint<W>(1));
   n.bsdf_pdf = n.travelled = F(0.0f);
@@ -93,11 +95,15 @@ PRIMRAY_RARE vbool<W> collide_in_fog(const Round& round, vbool<W> in_medium, con
 
 // Sets alpha of camera rays that reach nothing to what fog without scattering absorbs.
 template <int W>
-PRIMRAY_RARE void cover_by_fog(Round& round, vbool<W> escapes, const PathLanes<W>& p) {
+PRIMRAY_RARE void cover_by_fog(Round& round, vbool<W> escapes, PathLanes<W>& p) {
   if (round.scene.interiors.fog.scatters()) return;
   for (uint32_t b = bits(escapes & (p.vertex == vint<W>(0))); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
-    round.worker.a[p.slot[i]] = 1 - (p.beta.x[i] + p.beta.y[i] + p.beta.z[i]) * (1.0f / 3);
+    const float covered = 1 - (p.beta.x[i] + p.beta.y[i] + p.beta.z[i]) * (1.0f / 3);
+    alpha_of(round, p.slot[i]) = covered;
+    if (!round.deep) continue;
+    p.slot.set(i, round.deep->placed_far(p.slot[i], 0.0f));
+    round.deep->cover(p.slot[i], covered);
   }
 }
 
@@ -112,6 +118,31 @@ PRIMRAY_RARE void scatter_in_fog(const Round& round, vbool<W> m, vfloat<W>& phas
   p.link = select(m, vint<W>(0), p.link);
 }
 
+// Returns distances in [0, end) for numbers `u`, in proportion to the transmittance of an extinction: where light emitted along
+// rays comes from.
+template <int W>
+PRIMRAY_INLINE vfloat<W> emission_distance(vfloat<W> extinction, vfloat<W> end, vfloat<W> u) {
+  const vfloat<W> length = min(end, 1e18f), depth = extinction * length;
+  const vfloat<W> passed = depth_of(u * (1.0f - exp_of_minus(depth))) / max(extinction, 1e-30f);
+  return select(depth < vfloat<W>(1e-3f), u * length, passed);
+}
+
+// Adds to a deep picture what media and fog emit along the paths up to `end`.
+template <int W>
+PRIMRAY_RARE void place_medium_emission(Round& round, const RayMedium<W>& medium, const MediumState<W>& state, vfloat<W> end,
+                                        const vvec3<W>& of_media, const vvec3<W>& of_fog, const PathLanes<W>& p) {
+  using F = vfloat<W>;
+  const F u = p.sampler.single(p.vertex + vint<W>(kFogDimensions), Purpose::kLobe);
+  const auto place = [&](F t, const vvec3<W>& light) {
+    place_light(round, max(t - state.origin_distance, 0.0f), p.beta * light, p);
+  };
+  const vvec3<W>& k = medium.extinction;
+  place(emission_distance((k.x + k.y + k.z) * (1.0f / 3), end, u), of_media);
+  if (medium.any_fog)
+    place(min(medium.fog.distance(emission_distance(F(round.scene.interiors.fog.extinction), medium.fog.length(end), u)), end),
+          of_fog);
+}
+
 // Adds what media emit along the paths up to `end`: of volumes and objects up to where light collides with the fog, of the fog
 // as much as these transmit from one of its points. Both have the expectation of the integral with both transmittances.
 template <int W>
@@ -124,7 +155,8 @@ PRIMRAY_RARE void add_medium_emission(Round& round, vbool<W> in_medium, const Ra
   Pair<W> u{F(0.0f), F(0.0f)};
   if (medium.any_fog) u = p.sampler.pair(p.vertex + vint<W>(kFogDimensions), Purpose::kLens);
   const F own = medium.any_fog ? min(end, medium.fog.collision(u.u)) : end;
-  V L = select(in_medium, medium.emission * integral_of_transmittance(medium.extinction, own), none);
+  const V L = select(in_medium, medium.emission * integral_of_transmittance(medium.extinction, own), none);
+  V glow = none;
   if (medium.any_fog && fog.emits()) {
     const V shines{F(fog.emission.x), F(fog.emission.y), F(fog.emission.z)};
     const F length = medium.fog.length(end), depth = length * fog.extinction;
@@ -137,12 +169,14 @@ PRIMRAY_RARE void add_medium_emission(Round& round, vbool<W> in_medium, const Ra
       const F l = select(depth < F(1e-3f), u.v * length, depth_of(u.v * arrives) / max(F(fog.extinction), 1e-30f));
       left = medium.Medium<W>::transmittance(min(medium.fog.distance(l), end));
     }
-    L += select(in_medium & medium.fog.lanes, shines * left * whole, none);
+    glow = select(in_medium & medium.fog.lanes, shines * left * whole, none);
   }
-  const V scaled = L * radiance_scale(round.scene, state.stack);
+  const F scale = radiance_scale(round.scene, state.stack);
+  const V scaled = (L + glow) * scale;
   if (PathLog* const log = path_log<W>(round); log && any(in_medium & (max_component(scaled) > F(0.0f))))
     log->add("gathered", p).put("radiance", scaled).why = "a medium emits";
-  add_to_slots(round, in_medium, sum_of(round, p.slot, p.depth), p.beta * scaled);
+  add_to_slots(round, in_medium, sum_of(round, unplaced(round, p.slot), p.depth), p.beta * scaled);
+  if (round.deep) place_medium_emission(round, medium, state, own, L * scale, glow * scale, p);
   if (!round.needs.lpe) return;
   record_emission(*round.worker.lpe, in_medium, vint<W>(int32_t(kEndObject)), scaled, LobeFactors{});
   add_recorded(round, p, p.beta);
@@ -159,7 +193,9 @@ PRIMRAY_RARE void leave_out_mattes(Round& round, vbool<W> in_medium, vbool<W> co
   const vvec3<W> lost = select(collides, before, select(medium.scatters(), vvec3<W>(vfloat<W>(0.0f)), before - p.beta));
   for (uint32_t b = bits(in_medium & (p.depth == vint<W>(0)) & (share > vfloat<W>(0.0f))); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
-    round.worker.a[p.slot[i]] -= share[i] * (lost.x[i] + lost.y[i] + lost.z[i]) * (1.0f / 3);
+    const float part = share[i] * (lost.x[i] + lost.y[i] + lost.z[i]) * (1.0f / 3);
+    alpha_of(round, p.slot[i]) -= part;
+    if (round.deep) round.deep->cover(p.slot[i], -part);
   }
 }
 
@@ -215,6 +251,8 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
       log->add("gathered", p).put("radiance", gathered * radiance_scale(scene, state.stack));
     }
   }
+  const vbool<W> covered = in_medium & light_hits.covered;
+  if (round.deep) place_events(round, covered, light_hits.nearest, false, p);
   add_to_slots(round, in_medium, sum_of(round, p.slot, p.depth), p.beta * gathered * radiance_scale(scene, state.stack));
   if (round.needs.lpe) {
     record_light_hits(round, in_medium, p, hits, hit, ListenerMedium<W>{&medium, state.origin_distance});
@@ -222,9 +260,8 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
   }
 
   // End paths at lights that they see as bodies
-  const vbool<W> covered = in_medium & light_hits.covered;
   end = select(covered, light_hits.nearest, end);
-  for (uint32_t b = bits(covered & (p.vertex == vint<W>(0))); b; b &= b - 1) round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
+  for (uint32_t b = bits(covered & (p.vertex == vint<W>(0))); b; b &= b - 1) alpha_of(round, p.slot[__builtin_ctz(b)]) = 1.0f;
   stays &= !covered;
 
   // Sample the fog's collision, which ends what happens in other media
@@ -264,7 +301,9 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
   // Scatter the paths that do not reach their hit
   if (any(scatters)) {
     if (round.needs.lpe) resolve_lpe_where(scatters, p);
-    for (uint32_t b = bits(scatters & (p.vertex == vint<W>(0))); b; b &= b - 1) round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
+    if (round.deep) place_events(round, scatters, t, true, p);
+    for (uint32_t b = bits(scatters & (p.vertex == vint<W>(0))); b; b &= b - 1)
+      alpha_of(round, p.slot[__builtin_ctz(b)]) = 1.0f;
     const vbool<W> lit = scatters & is_lit(scene, state), kinds[2] = {scatters & !lit, lit};
     for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
       if (kind == 0) return scatter_unlit(round, lanes, p, t, state, phase);

@@ -5,6 +5,7 @@
 #include "integrator/gather_emission.hpp"
 #include "integrator/media.hpp"
 #include "integrator/phase_vertex.hpp"
+#include "integrator/place_in_depth.hpp"
 #include "integrator/sample_light.hpp"
 #include "integrator/scatter.hpp"
 #include "integrator/volume_state.hpp"
@@ -62,6 +63,7 @@ PRIMRAY_RARE void shade_volume_lanes(Round& round, int at, vbool<W> collides, Pa
   // Gather emission of lights before the collision
   const vbool<W> looks = in_media ? collides & !has_crossed_medium<W>(round, at) : collides;
   vbool<W> reaches = collides;
+  if (round.deep) place_in_depth(round, collides, looks, collides, hits, true, p);
   vvec3<W> gathered = gather_emission(round, collides, looks, p, hits, reaches);
   if (in_media) gathered = gathered * radiance_scale_at<W>(round, at);
   if (PathLog* const log = path_log<W>(round); log && any(max_component(abs(gathered)) > F(0.0f)))

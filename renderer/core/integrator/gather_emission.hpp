@@ -49,7 +49,7 @@ PRIMRAY_INLINE vvec3<W> gather_emission(Round& round, vbool<W> active, vbool<W> 
     if (any(straight)) reduce_alpha_of_escaped(round, straight, nothing, p);
   }
   for (uint32_t b = bits(active & (p.vertex == vint<W>(0)) & (hit | covered)); b; b &= b - 1)
-    round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
+    alpha_of(round, p.slot[__builtin_ctz(b)]) = 1.0f;
   return gathered;
 }
 

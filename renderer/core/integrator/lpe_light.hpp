@@ -95,7 +95,7 @@ PRIMRAY_RARE void record_surface_emission(Round& round, vbool<W> m, const Hits<W
 template <int W>
 PRIMRAY_RARE void add_recorded(Round& round, const PathLanes<W>& p, const vvec3<W>& weight) {
   LpeStore& store = *round.worker.lpe;
-  const vint<W> sum = sum_of(round, p.slot, p.depth);
+  const vint<W> sum = sum_of(round, p.slot, p.depth) & vint<W>(kSumMask);
   for (int i = 0; i < W; ++i)
     for (const RecordedLight& light : store.recorded) {
       if (!(light.lanes >> i & 1)) continue;

@@ -6,6 +6,7 @@
 #include <bit>
 
 #include "bsdf/basics/scattering.hpp"
+#include "integrator/deep_layers.hpp"
 #include "integrator/rays/path_pool.hpp"
 #include "lpe/automaton.hpp"
 
@@ -93,7 +94,8 @@ PRIMRAY_RARE void add_arrived(LpeStore& s, const ShadowLpeStates& lpe, int at, v
     if (s.tables.counts_straight)
       for (int k = 0; k < passed[i]; ++k)
         r.diffuse = step(s.tables, r.diffuse, kStraight), r.other = step(s.tables, r.other, kStraight);
-    s.add(slot[i], 0, r, c.x[i]), s.add(slot[i], 1, r, c.y[i]), s.add(slot[i], 2, r, c.z[i]);
+    const int sum = slot[i] & kSumMask;
+    s.add(sum, 0, r, c.x[i]), s.add(sum, 1, r, c.y[i]), s.add(sum, 2, r, c.z[i]);
   }
 }
 

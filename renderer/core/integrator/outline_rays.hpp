@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "integrator/emission.hpp"
+#include "integrator/place_in_depth.hpp"
 #include "integrator/round.hpp"
 #include "integrator/trace.hpp"
 
@@ -79,6 +80,11 @@ PRIMRAY_RARE void trace_outline(Round& round, int pixel, const LightOutlines::Pa
       p.sampler = own, p.vertex = I(0);
       put_shadow_seeds(seen, w.shadows, p);
     }
+    if (round.deep)
+      for (uint32_t b = bits(seen); b; b &= b - 1) {
+        const int i = __builtin_ctz(b);
+        slot[i] = round.deep->lit(slot[i], depth_at(round.scene, p.ray, light_hits.nearest[i], i), false);
+      }
     // Starts at the camera's near plane.
     w.shadows.append(seen, ray.o + ray.d * ray.tnear, ray.d, max(light_hits.nearest * kNearlyOne - ray.tnear, 0.0f), L * share,
                      load<W>(slot), p.ray.time, round.needs);
@@ -101,7 +107,7 @@ PRIMRAY_RARE vbool<W> is_outlined(const Round& round, vbool<W> m, vint<W> slot, 
   vint<W> found(0);
   for (uint32_t b = bits(m); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
-    for (const LightOutlines::Part& part : round.worker.outlines[slot[i] / round.samples])
+    for (const LightOutlines::Part& part : round.worker.outlines[(slot[i] & kSumMask) / round.samples])
       found.set(i, found[i] | (part.light == light[i]));
   }
   return found != vint<W>(0);

@@ -9,6 +9,7 @@
 #include "integrator/cross_media.hpp"
 #include "integrator/cross_volumes.hpp"
 #include "integrator/outline_rays.hpp"
+#include "integrator/place_in_depth.hpp"
 #include "integrator/shade.hpp"
 #include "integrator/trace.hpp"
 #include "integrator/volume_emission.hpp"
@@ -74,6 +75,14 @@ inline void log_samples(PathLog& log, const Round& round, int slots) {
   log.first_sample += slots;
 }
 
+// Prepares the worker for the layers of a block's samples.
+PRIMRAY_RARE void begin_layers(Round& round, const DeepFilm& film, int slots) {
+  std::unique_ptr<DeepLayers>& deep = round.worker.deep;
+  if (!deep) deep = std::make_unique<DeepLayers>(film, Worker::kSlots);
+  deep->clear(slots);
+  round.deep = deep.get();
+}
+
 template <int W>
 void render_tile_block(const Scene& scene, const IntegratorSettings& settings, const TileBlock& block, Worker& worker,
                        Film& film, RayRecorder* recorder) {
@@ -82,6 +91,7 @@ void render_tile_block(const Scene& scene, const IntegratorSettings& settings, c
   round.outlined = scene.outlines.any() && look_up_outlines(round);
   const int slots = round.pixels * round.samples;
   clear_slots(worker, slots, settings.clamps());
+  if (film.deep) begin_layers(round, *film.deep, slots);
   worker.pool->count = 0;
   if (round.outlined) trace_outlines<W>(round);
   run_rounds<W>(round, slots);

@@ -32,11 +32,12 @@ struct Round {
   Worker& worker;
   RayRecorder* recorder;
   const PathNeeds needs;
-  const int samples;      // per pixel, both replicates together
-  int pixels = 0;         // of the block, as the worker lists them
-  int next_slot = 0;      // slot of the next camera ray
-  int first_camera = 0;   // index in the pool of the first camera ray
-  bool outlined = false;  // outlines of lights cross some pixels of this tile
+  const int samples;           // per pixel, both replicates together
+  int pixels = 0;              // of the block, as the worker lists them
+  int next_slot = 0;           // slot of the next camera ray
+  int first_camera = 0;        // index in the pool of the first camera ray
+  bool outlined = false;       // outlines of lights cross some pixels of this tile
+  DeepLayers* deep = nullptr;  // of the block's samples; null: no deep picture
 
   Round(const Scene& scene_, const IntegratorSettings& settings_, const TileBlock& block_, Worker& worker_,
         RayRecorder* recorder_)
@@ -141,6 +142,9 @@ PRIMRAY_RARE vfloat<W> radiance_scale_at(const Round& round, int at) {
   return radiance_scale(round.scene, round.worker.medium_states->pool->template at<W>(at).stack);
 }
 
+// Alpha of the sample that `slot` names (integrator/tile_task.hpp).
+PRIMRAY_INLINE float& alpha_of(const Round& round, int32_t slot) { return round.worker.a[slot & kSumMask]; }
+
 // Index of the sum for light that reaches samples `slot` after that many scattering events.
 template <int W>
 PRIMRAY_INLINE vint<W> sum_of(const Round& round, vint<W> slot, vint<W> scatterings) {
@@ -153,11 +157,13 @@ template <int W>
 PRIMRAY_INLINE void add_to_slots(const Round& round, vbool<W> m, vint<W> slot, const vvec3<W>& c) {
   Worker& w = round.worker;
   GuideLog* const log = round.settings.guide_log;
+  DeepLayers* const deep = round.deep;
   const vfloat<W> zero(0.0f);
   for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
-    const int i = __builtin_ctz(b), s = slot[i];
+    const int i = __builtin_ctz(b), s = slot[i] & kSumMask;
     PRIMRAY_ASSERT(s >= 0 && s % Worker::kSlots < round.pixels * round.samples && s < Worker::kSums);
     w.r[s] += c.x[i], w.g[s] += c.y[i], w.b[s] += c.z[i];
+    if (deep) deep->add_light(slot[i], c.x[i], c.y[i], c.z[i]);
     if (log) log->add_light(s, c.x[i] + c.y[i] + c.z[i]);
     if (PathLog* const paths = path_log<W>(round)) paths->contribute(c.x[i], c.y[i], c.z[i]);
   }

@@ -179,6 +179,7 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
 
   // Update the path state
   n.vertex = p.vertex + I(1);
+  if (round.deep) n.slot = select(s.straight, n.slot, n.slot | I(kSettled));
   // A path that enters below a surface has not scattered until it leaves again.
   n.depth = p.depth + select(s.straight | s.enters, I(0), I(1));
   alive &= n.depth <= I(round.settings.max_depth);

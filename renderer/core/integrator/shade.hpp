@@ -6,6 +6,7 @@
 #include "integrator/camera_visibility.hpp"
 #include "integrator/gather_emission.hpp"
 #include "integrator/nested_media.hpp"
+#include "integrator/place_in_depth.hpp"
 #include "integrator/shade_surface.hpp"
 
 namespace primray {
@@ -57,6 +58,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
 
   // Gather emission from lights and from the environment
   const vbool<W> looks = in_media ? active & !has_crossed_medium<W>(round, at) : active;
+  if (round.deep) place_in_depth(round, active, looks, hit, hits, false, p);
   V gathered = gather_emission(round, active, looks, p, hits, hit);
   if (in_media) gathered = gathered * radiance_scale_at<W>(round, at);
   if (!any(hit)) {

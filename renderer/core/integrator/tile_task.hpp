@@ -9,6 +9,7 @@
 #include "bsdf/bsdf.hpp"
 #include "film/film.hpp"
 #include "integrator/along_state.hpp"
+#include "integrator/deep_layers.hpp"
 #include "integrator/lpe_states.hpp"
 #include "integrator/media.hpp"
 #include "integrator/rays/packet_choice.hpp"
@@ -51,9 +52,11 @@ struct Worker {
   std::unique_ptr<VolumeState> volumes;                 // in scenes with volumes
   std::unique_ptr<AlongState> along;                    // where lights are sampled along camera rays
   std::unique_ptr<LpeStore> lpe;                        // for light path expressions
+  std::unique_ptr<DeepLayers> deep;                     // for deep pictures
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   // With a clamp, indirect light is summed separately, kSlots further on (integrator/add_to_film.hpp).
   static constexpr int kSums = 2 * kSlots;
+  static_assert(kSums == kSumMask + 1);
   alignas(64) float r[kSums], g[kSums], b[kSums], a[kSlots];
   std::vector<float> caustics;  // by channel, then by sample; where caustics are left out of the image
   std::vector<vec3> weights;    // of samples, for lenses that absorb part of their light

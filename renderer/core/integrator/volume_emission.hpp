@@ -4,6 +4,7 @@
 #include "integrator/emission.hpp"
 #include "integrator/lpe_light.hpp"
 #include "integrator/media.hpp"
+#include "integrator/place_in_depth.hpp"
 #include "integrator/round.hpp"
 #include "light/sampler/selection.hpp"
 #include "volume/tracking_emission.hpp"
@@ -60,7 +61,6 @@ PRIMRAY_INLINE void begin_emission(const Round& round, vbool<W> fresh, vint<W> r
   const float* rows = reinterpret_cast<const float*>(volumes.emissions.data());
   events.radiance =
       select(fresh, {gather<W>(rows + 3, row), gather<W>(rows + 4, row), gather<W>(rows + 5, row)}, events.radiance);
-  events.sum = select(fresh, vvec3<W>(F(0.0f)), events.sum);
   events.per_value = select(fresh, gather<W>(volumes.event_rate.data(), instance), events.per_value);
   const F pdf = gather<W>(pool.bsdf_pdf, ray), travelled = round.needs.travelled ? gather<W>(pool.travelled, ray) : F(0.0f);
   events.scattered_pdf = select(fresh, pdf, events.scattered_pdf);
@@ -87,11 +87,53 @@ PRIMRAY_INLINE void begin_emission(const Round& round, vbool<W> fresh, vint<W> r
   if (round.follows_media()) events.around.take(round, fresh, ray);
 }
 
+// Follows the pool's rays through volumes that emit, and adds up what each finds. `listen(ray, events, i)` is called for each
+// volume on a ray.
+template <int W, class Events, class Listen>
+PRIMRAY_INLINE void track_emission(Round& round, const VolumeRays& rays, const Listen& listen) {
+  const VolumeTable& volumes = *round.scene.volumes;
+  VolumeState& state = *round.worker.volumes;
+  pass_volumes<W>(volumes.grids, volumes.in_emissions, rays, round.worker.pool->count, state.passes,
+                  [&](const VolumePasses& tasks) {
+                    const auto load = [&](vbool<W> fresh, vint<W> numbers, Events& events) {
+                      begin_emission(round, fresh, gather<W>(tasks.ray, numbers), gather<W>(tasks.instance, numbers), events);
+                      TrackingTask<W> task = tracking_task<W>(volumes.in_emissions, rays, tasks, fresh, numbers);
+                      task.seed = mix(task.seed ^ vuint<W>(0x2545f491u));
+                      events.begin(fresh, task);
+                      return task;
+                    };
+                    const auto store = [&](vbool<W> done, vint<W> numbers, const Events& events) {
+                      for (uint32_t b = bits(done); b; b &= b - 1) {
+                        const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
+                        state.emission[0][ray] += events.sum.x[i], state.emission[1][ray] += events.sum.y[i];
+                        state.emission[2][ray] += events.sum.z[i];
+                        listen(ray, events, i);
+                      }
+                    };
+                    return follow_segments<W, Events>(volumes.grids, tasks.count, load, store);
+                  });
+}
+
+// Emission of one volume along a ray of the pool, and the distance at which a deep picture has it.
+struct PlacedEmission {
+  int ray;
+  float t, radiance[3];
+};
+
+// Adds light that covers nothing to the layers of its sample, unless the path has scattered before.
+PRIMRAY_RARE void add_placed(Round& round, const PlacedEmission& light) {
+  const PathPool& pool = *round.worker.pool;
+  const int ray = light.ray;
+  PathLanes<1> p = pool.paths<1>(ray, round.needs);
+  const float scale = round.follows_media() ? radiance_scale_at<1>(round, ray)[0] : 1.0f;
+  const vvec3<1> radiance{vfloat<1>(light.radiance[0]), vfloat<1>(light.radiance[1]), vfloat<1>(light.radiance[2])};
+  place_light<1>(round, vfloat<1>(light.t), p.beta * radiance * vfloat<1>(scale), p);
+}
+
 // Adds the emission along the rays of all paths of the pool, whose ends are those of VolumeState.
 template <int W>
 PRIMRAY_RARE void gather_volume_emission(Round& round) {
   using F = vfloat<W>;
-  const VolumeTable& volumes = *round.scene.volumes;
   const PathPool& pool = *round.worker.pool;
   VolumeState& state = *round.worker.volumes;
   for (int at = 0; at < pool.count; at += W) {
@@ -104,22 +146,13 @@ PRIMRAY_RARE void gather_volume_emission(Round& round) {
   }
   const VolumeRays rays{pool.ox, pool.oy,    pool.oz,   pool.dx,      pool.dy,
                         pool.dz, pool.tnear, state.end, state.number, round.needs.time ? pool.time : nullptr};
-  pass_volumes<W>(volumes.grids, volumes.in_emissions, rays, pool.count, state.passes, [&](const VolumePasses& tasks) {
-    const auto load = [&](vbool<W> fresh, vint<W> numbers, EmissionEvents<W, MediaAround<W>>& events) {
-      begin_emission(round, fresh, gather<W>(tasks.ray, numbers), gather<W>(tasks.instance, numbers), events);
-      TrackingTask<W> task = tracking_task<W>(volumes.in_emissions, rays, tasks, fresh, numbers);
-      task.seed = mix(task.seed ^ vuint<W>(0x2545f491u));
-      return task;
-    };
-    const auto store = [&](vbool<W> done, vint<W> numbers, const EmissionEvents<W, MediaAround<W>>& events) {
-      for (uint32_t b = bits(done); b; b &= b - 1) {
-        const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
-        state.emission[0][ray] += events.sum.x[i], state.emission[1][ray] += events.sum.y[i];
-        state.emission[2][ray] += events.sum.z[i];
-      }
-    };
-    return follow_segments<W, EmissionEvents<W, MediaAround<W>>>(volumes.grids, tasks.count, load, store);
-  });
+  std::vector<PlacedEmission> placed;
+  if (round.deep)
+    track_emission<W, PlacedEmissionEvents<W, MediaAround<W>>>(round, rays, [&](int ray, const auto& events, int i) {
+      placed.push_back({ray, events.chosen[i], {events.sum.x[i], events.sum.y[i], events.sum.z[i]}});
+    });
+  else
+    track_emission<W, EmissionEvents<W, MediaAround<W>>>(round, rays, [](int, const auto&, int) {});
   for (int at = 0; at < pool.count; at += W) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(pool.count - at);
     const PathLanes<W> p = pool.paths<W>(at, round.needs);
@@ -128,12 +161,13 @@ PRIMRAY_RARE void gather_volume_emission(Round& round) {
     if (!any(shines)) continue;
     if (round.follows_media()) gathered = gathered * radiance_scale_at<W>(round, at);
     if (PathLog* const log = path_log<W>(round)) log->add("gathered", p).put("radiance", gathered);
-    add_to_slots(round, shines, sum_of(round, p.slot, p.depth), p.beta * gathered);
+    add_to_slots(round, shines, sum_of(round, unplaced(round, p.slot), p.depth), p.beta * gathered);
     if (round.needs.lpe) {
       record_emission(*round.worker.lpe, shines, vint<W>(kEndObject), gathered, LobeFactors());
       add_recorded(round, p, p.beta);
     }
   }
+  for (const PlacedEmission& light : placed) add_placed(round, light);
 }
 
 }  // namespace primray

@@ -14,12 +14,26 @@ Camera Camera::unposed() const {
   return c;
 }
 
+namespace {
+
+Affine<float> axes_between(const CameraPose& a, const CameraPose& b, double t) {
+  const daffine m = between(a.turning, b.turning, t);
+  return {vec3(m.x), vec3(m.y), vec3(m.z), vec3(m.o)};
+}
+
+}  // namespace
+
+Affine<float> Camera::pose_at(float time) const {
+  if (!moves) return world_from_camera;
+  const Moment now = path.clock.at(time);
+  return axes_between(path.poses[size_t(now.segment)], path.poses[size_t(now.segment) + 1], now.within);
+}
+
 void Camera::set_pose(const CameraPath& along, float time) {
   const Moment now = along.clock.at(time);
   const CameraPose &a = along.poses[size_t(now.segment)], &b = along.poses[size_t(now.segment) + 1];
   const double t = now.within;
-  const daffine m = between(a.turning, b.turning, t);
-  world_from_camera = {vec3(m.x), vec3(m.y), vec3(m.z), vec3(m.o)};
+  world_from_camera = axes_between(a, b, t);
   const auto exactly = [&](double CameraPose::* f) { return a.*f + (b.*f - a.*f) * t; };
   const auto mix = [&](double CameraPose::* f) { return float(exactly(f)); };
   window = {exactly(&CameraPose::left), exactly(&CameraPose::right), exactly(&CameraPose::bottom), exactly(&CameraPose::top)};

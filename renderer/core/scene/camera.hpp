@@ -131,6 +131,8 @@ struct Camera {
   bool has_lens() const { return lens_radius > 0 || lens_opens; }
   // The camera as it is at a time.
   Camera at(float time) const;
+  // Its axes at a time.
+  Affine<float> pose_at(float time) const;
 
   // Ray through pixel (x, y), counted from the upper left; u_film, u_lens in [0,1)^2. Directions have unit length. `time`: for
   // cameras that move. Rays through a distorting lens may not exist.

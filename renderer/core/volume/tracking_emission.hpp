@@ -24,6 +24,7 @@ struct EmissionEvents {
   vvec3<W> sum{F(0.0f)};
 
   PRIMRAY_INLINE CellSizes<W> cell_sizes() const { return CellSizes<W>::leaves(); }
+  PRIMRAY_INLINE void begin(B fresh, const TrackingTask<W>&) { sum = select(fresh, vvec3<W>(F(0.0f)), sum); }
   PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return (walk.high - least(walk)) * per_value; }
   PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
     const VoxelChoice<W> near = grid.voxel_at(walk.in_cell(at), numbers.voxel(), [&] { return numbers.velocity(); });
@@ -42,6 +43,41 @@ struct EmissionEvents {
   // Value that is integrated.
   PRIMRAY_INLINE F least(const CellWalk<W>& walk) const {
     return select((relative > F(0.0f)) | around.exists(), F(0.0f), walk.low);
+  }
+};
+
+// Events that also choose one distance of each segment, with a probability in proportion to the emission there: deep pictures
+// show all of it at that distance.
+template <int W, class Around>
+struct PlacedEmissionEvents : EmissionEvents<W, Around> {
+  using F = vfloat<W>;
+  using B = vbool<W>;
+  F chosen{0.0f}, found{0.0f};  // the distance, and the emission so far
+  vuint<W> number{0u};          // of the choice
+
+  PRIMRAY_INLINE void begin(B fresh, const TrackingTask<W>& task) {
+    EmissionEvents<W, Around>::begin(fresh, task);
+    chosen = select(fresh, task.segment.from, chosen), found = select(fresh, F(0.0f), found);
+    number = select(fresh, mix(task.seed ^ vuint<W>(0x1b873593u)), number);
+  }
+  PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
+    const B ends = EmissionEvents<W, Around>::at_event(grid, walk, numbers, event, at);
+    choose(event, at);
+    return ends;
+  }
+  PRIMRAY_INLINE void pass(B lanes, const CellWalk<W>& walk, F to) {
+    EmissionEvents<W, Around>::pass(lanes, walk, to);
+    number = select(lanes, mix(number), number);
+    choose(lanes, walk.t + (to - walk.t) * unit_float(number));
+  }
+
+ private:
+  // Chooses `at` for what was added to the sum.
+  PRIMRAY_INLINE void choose(B lanes, F at) {
+    const F all = this->sum.x + this->sum.y + this->sum.z, own = all - found;
+    number = select(lanes, mix(number), number);
+    const B takes = lanes & (own > F(0.0f)) & (unit_float(number) * all < own);
+    chosen = select(takes, at, chosen), found = select(lanes, all, found);
   }
 };
 

@@ -1051,7 +1051,15 @@ class FrameErrorSums:
     def tiles(self) -> Annotated[NDArray[numpy.float64], {"shape": (None,)}]: ...
 
 class Film:
-    def __init__(self, width: int, height: int, expressions: int = 0, removals: int = 0) -> None: ...
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        expressions: int = 0,
+        removals: int = 0,
+        deep_tolerance: float = 0.0,
+        deep_samples: int = 0,
+    ) -> None: ...
     @staticmethod
     def from_state(width: int, height: int, state: dict[str, NDArray[Any]]) -> Film: ...
     def state(self) -> dict[str, NDArray[Any]]: ...
@@ -1075,6 +1083,13 @@ class Film:
         Annotated[NDArray[numpy.float64], {"shape": (None, None, None)}],
         Annotated[NDArray[numpy.float64], {"shape": (None, None, None)}],
     ]: ...
+    def deep_samples(
+        self, exposure: float
+    ) -> tuple[
+        Annotated[NDArray[numpy.uint32], {"shape": (None, None)}], Annotated[NDArray[numpy.float32], {"shape": (None, None)}]
+    ]: ...
+    @property
+    def deep_memory_bytes(self) -> int: ...
     @property
     def expressions(self) -> int: ...
     def error(self, exposure: float, most_pixels: int, threads: int) -> FrameErrorSums:
