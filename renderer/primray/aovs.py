@@ -97,6 +97,9 @@ CRYPTOMATTES: dict[str, CryptomatteKind] = {
     "crypto_material": CryptomatteKind("CryptoMaterial", "Cryptomatte by bound material"),
     "crypto_asset": CryptomatteKind("CryptoAsset", "Cryptomatte by asset: the instance, or the nearest model above a prim"),
 }
+# Samples of each pixel by depth: a file of its own, not a part of the picture's.
+DEEP = "deep"
+DEEP_BYTES = 500  # bytes per pixel, for about four samples
 # Always present, in the picture itself.
 IN_PICTURE = ("beauty", "alpha", "stderr")
 PRIMVAR = "primvar:"
@@ -131,12 +134,13 @@ def check_names(names: Iterable[str]) -> None:
             name in AOVS
             or name in CRYPTOMATTES
             or name in IN_PICTURE
+            or name == DEEP
             or _is_named(name)
             or is_light_path(name)
             or occlusion_distance(name) is not None
         ):
-            known = ", ".join((*AOVS, *CRYPTOMATTES, *IN_PICTURE))
-            near = did_you_mean(str(name), (*AOVS, *CRYPTOMATTES, *IN_PICTURE))
+            known = ", ".join((*AOVS, *CRYPTOMATTES, DEEP, *IN_PICTURE))
+            near = did_you_mean(str(name), (*AOVS, *CRYPTOMATTES, DEEP, *IN_PICTURE))
             sentence = f"there is no AOV {name!r}{f'; {near} There' if near else '; there'} are {known}, "
             sentence += "occlusion:DISTANCE, primvar:NAME, labels:TAXONOMY and light path expressions"
             raise SettingsError(sentence, where="aovs", code="unknown-aov")
@@ -208,6 +212,11 @@ def _request(name: str) -> AovRequest:
     return AovRequest(expression, LIGHT_PATH + expression)
 
 
+def has_deep(requests: Iterable[AovRequest]) -> bool:
+    """Return whether a deep picture is requested."""
+    return any(request.source == DEEP for request in requests)
+
+
 def primvar_of(source: str) -> str | None:
     """Return the primvar that a source reads, None if it reads none."""
     if source == "st":
@@ -225,6 +234,9 @@ def aov_bytes(requests: Iterable[AovRequest]) -> int:
     total = 0
     for request in requests:
         kind = kind_of(request.source)
+        if request.source == DEEP:
+            total += DEEP_BYTES
+            continue
         if request.source in CRYPTOMATTES or light_path_of(request.source) is not None:
             total += CRYPTOMATTE_BYTES if request.source in CRYPTOMATTES else LIGHT_PATH_BYTES
             continue

@@ -13,6 +13,7 @@ from decimal import Decimal, DecimalException
 from operator import attrgetter
 from typing import Any
 
+from primray.aovs import DEEP
 from primray.errors import LimitError, PrimrayError, SettingsError
 from primray.images.encoding import Encoding, compression_of
 from primray.render.frames import parse_frames
@@ -117,6 +118,8 @@ def _count(first: str, last: str, step: str | None, limits: Limits) -> int:
 def check_settings(settings: Settings, limits: Limits) -> None:
     """Check this server's limits, then what the renderer itself checks."""
     check_products(settings)
+    if DEEP in (settings.aovs or ()):
+        raise invalid("settings.aovs", f"{DEEP} needs a render without checkpoints; render it by the command line")
     for member, path in (
         ("render_settings", settings.render_settings),
         ("render_pass", settings.render_pass),

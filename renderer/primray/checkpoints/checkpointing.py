@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..aovs import has_deep
 from ..errors import CheckpointError, PrimrayError, SettingsError
 from ..settings.stage_settings import CHECKPOINT_EVERY
 
@@ -101,6 +102,13 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
     from . import checkpoint
     from .aov_data import light_paths_of_tables
 
+    if has_deep(prepared.aovs):
+        raise SettingsError(
+            "a deep picture has no checkpoints, which services and frames in parts need: leave out --aov deep and deepRaster "
+            "products, or render the frame in one go",
+            where="aovs",
+            code="deep-setting",
+        )
     held = None if resume is None else checkpoint.load(resume)
     settings = prepared.settings if held is None else checkpoint.resumed_settings(prepared.settings, held)
     light_paths = light_paths_of_tables(prepared.aovs, prepared.scene.light_paths)

@@ -174,10 +174,16 @@ def write(image: Image, shot: Shot, looks: Looks) -> bool:
     start = time.perf_counter()
     written, looks = save_all(files, lambda file, looks: save(held(file, image), file, looks), looks, image)
     kept = _keep_record(image, [file for file in files if file not in written], written, looks)
-    report = finished_report(image, written + kept, time.perf_counter() - start, looks, held)
+    report = finished_report(image, with_files_beside(image, written + kept, held), time.perf_counter() - start, looks, held)
     whole = shot.report is None or write_report(shot.report_file_of(report), shot.report, looks)
     tell(image, report, looks)
     return whole and written == files and is_finished(image)
+
+
+def with_files_beside(image: Image, files: list[str], held: Held) -> list[str]:
+    """Return the files that were written, with those beside them: deep pictures."""
+    named = [file for file in files if is_record(file)]
+    return [*files, *(str(other) for file in named for other in held(file, image).files_beside(file))]
 
 
 def save_all(files: list[str], saving: Callable[[str, Looks], None], looks: Looks, image: Image) -> tuple[list[str], Looks]:

@@ -33,9 +33,14 @@ class Film:
         if state is None:
             expressions = 0 if scene.light_paths is None else len(scene.light_paths.expressions)
             removals = [getattr(settings, name) != BIAS[name] for name in REMOVALS.values()]
-            self._film = compiled.Film(width, height, expressions, sum(1 << why for why, on in enumerate(removals) if on))
+            removed = sum(1 << why for why, on in enumerate(removals) if on)
+            tolerance, most = (settings.deep_tolerance, settings.deep_samples) if scene.is_deep else (0.0, 0)
+            self._film = compiled.Film(
+                width, height, expressions=expressions, removals=removed, deep_tolerance=tolerance, deep_samples=most
+            )
         else:
             self._film = compiled.Film.from_state(width, height, dict(state))
+        self.deep_tolerance, self.most_deep_samples = settings.deep_tolerance, settings.deep_samples
         self._exposure_scale = scene._exposure_scale
         self._image: tuple[int, tuple[Floats, Floats]] | None = None
         self._spread: tuple[int, tuple[int, int]] | None = None
@@ -60,6 +65,14 @@ class Film:
         estimate.
         """
         return self._film.removed_rows(list(REMOVALS).index(why), self._exposure_scale, first, end)
+
+    def deep_samples(self) -> tuple[npt.NDArray[np.uint32], Floats]:
+        """Return the deep picture: samples in each pixel (H, W), and Z, ZBack, R, G, B, A of all (N, 6), as in `image`."""
+        return self._film.deep_samples(self._exposure_scale)
+
+    @property
+    def deep_memory_bytes(self) -> int:
+        return self._film.deep_memory_bytes
 
     @property
     def pixels(self) -> Floats:

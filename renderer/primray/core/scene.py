@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import process_memory
+from ..aovs import has_deep
 from ..color.color_space import REC709, ColorSpace
 from ..description import SceneDescription, Shape
 from ..description.placement import Box
@@ -66,6 +67,7 @@ class CoreScene:
         self.bounds = bounds  # low and high corner (3,) of everything in the world, without a few outliers
         self.light_paths: LightPathTables | None = None  # None unless light path expressions are requested
         self.light_groups: LightGroups | None = None
+        self.is_deep = False  # films of the scene hold a deep picture
         self._without_caustics: compiled.LpeAutomaton | None = None  # for renders without caustics
         self.uploaded: UploadRecord | None = None
         # Caches by path depth and whether caustics are rendered.
@@ -252,6 +254,7 @@ def core_scene(scene: compiled.Scene, uploaded: UploadRecord, d: SceneDescriptio
     made = CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space, uploaded.bounds)
     made.uploaded = uploaded
     made.light_groups = uploaded.light_groups
+    made.is_deep = has_deep(d.aovs)
     made.light_paths = light_path_tables(d.aovs, uploaded.light_groups)
     if made.light_paths is not None:
         made.warnings += missing_groups(made.light_paths, uploaded.light_groups)

@@ -34,9 +34,11 @@ class Contents:
 
     picture: tuple[str, ...] = ()
     parts: tuple[tuple[str, str], ...] = ()
+    is_deep: bool = False  # the deep picture alone
 
     def as_json(self) -> dict[str, Any]:
-        return {"picture": list(self.picture), "parts": [list(part) for part in self.parts]}
+        values: dict[str, Any] = {"picture": list(self.picture), "parts": [list(part) for part in self.parts]}
+        return values | ({"deep": True} if self.is_deep else {})
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,11 @@ def _view(values: Mapping[str, Any]) -> PictureView:
 
 
 def _contents(values: Mapping[str, Any]) -> Contents:
-    return Contents(tuple(map(str, values["picture"])), tuple((str(name), str(key)) for name, key in values["parts"]))
+    return Contents(
+        tuple(map(str, values["picture"])),
+        tuple((str(name), str(key)) for name, key in values["parts"]),
+        values.get("deep") is True,
+    )
 
 
 def _number(given: object) -> int | float:

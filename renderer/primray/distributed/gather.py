@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..aovs import DEEP
 from ..checkpoints.merge import Merged, MergedParts, merged_parts, picture_of_parts, rules_for_all
 from ..denoising.denoiser import check_denoiser
 from ..errors import CheckpointError, PrimrayError, RenderCancelled, SettingsError
@@ -347,6 +348,7 @@ def check_distributable(asked: RenderSettings) -> None:
         "sample_range": asked.sample_range is not None and "a frame in parts has all samples: leave the sample range out",
         "stop_at": asked.stop_at is StopAt.DENOISED
         and "a frame in parts can stop at the picture's error, not at the denoised one's",
+        "aovs": DEEP in (asked.aovs or ()) and "a deep picture cannot be rendered in parts: leave out --aov deep",
         "spp": asked.is_quick_look and "a quick look has too few samples for parts: render it without them",
     }
     for name, fault in faults.items():

@@ -23,6 +23,7 @@ from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
 from ..settings import check_stops
 from .aov import Aov, Values
+from .deep import DeepPicture
 from .encoding import LINEAR_BITS, NONE, Encoding, half_faults, store_halves
 from .exposure import View, as_viewed, exposure_that_serves, view_fault, where_lit
 from .exr_parts import DENOISED, DIFFUSED, VIEW, Parts, parts_of, picture_beside
@@ -94,6 +95,7 @@ class Image:
     # The picture with lens diffusion and its errors, if the lens diffuses: a part of an EXR, and shown by views.
     diffused: Image | None = None
     file: PictureFile = PLAIN  # EXR settings of the stage's product
+    deep: DeepPicture | None = None  # samples by depth, if requested: a file beside an EXR, or a product of its own
     foreground: Foreground | None = None  # the rendered pixels, if a background or a ground's shadow is behind them
 
     def __post_init__(self) -> None:
@@ -218,8 +220,12 @@ class Image:
     def write(self, path: Path, view: View, exposure: float, encoding: Encoding = Encoding()) -> Path:  # noqa: B008 - immutable
         """Write to a path that has been checked, without diagnostics; otherwise as `save`."""
         suffix = path.suffix.lower()
+        if self.is_deep_alone and suffix != ".exr":
+            raise SettingsError("a deep picture is an EXR: give a name that ends in .exr", where=str(path), code="deep-output")
         with _replacing(path) as temporary:
-            if suffix == ".exr":
+            if self.is_deep_alone:
+                self._write_deep(temporary, encoding)
+            elif suffix == ".exr":
                 _write_exr(self, temporary, encoding)
             elif suffix == ".hdr":
                 write_radiance(self.shown.pixels, self.color_space, temporary)
@@ -227,7 +233,33 @@ class Image:
                 write_linear(self.shown.pixels, self.color_space, temporary)
             else:
                 write_view(self._encoded(suffix, view, exposure, encoding), temporary)
+        for other in self.files_beside(path):
+            with _replacing(other) as temporary:
+                self._write_deep(temporary, encoding)
         return path
+
+    @property
+    def is_deep_alone(self) -> bool:
+        """Whether its file holds the deep picture alone, as a deepRaster product does."""
+        return self.file.contents is not None and self.file.contents.is_deep
+
+    def files_beside(self, path: str | os.PathLike[str]) -> tuple[Path, ...]:
+        """Return the further files that `save` writes: the deep picture beside an EXR, shot.deep.exr."""
+        from .deep import beside
+
+        held = self.deep is not None and self.file.contents is None and str(path).lower().endswith(".exr")
+        return (beside(path),) if held else ()
+
+    def _write_deep(self, path: str, encoding: Encoding) -> None:
+        from .deep_exr import write_deep
+
+        if self.deep is None:
+            raise SettingsError(
+                "the image has no deep picture: render it with aovs=['deep']", where="deep", code="deep-missing"
+            )
+        spec, _ = _picture_part(self)
+        store_as_product([(spec, self.pixels)], _with_choices(self.file, encoding))
+        write_deep(path, self.deep, spec)
 
     def _encoded(self, suffix: str, view: View, exposure: float, encoding: Encoding) -> npt.NDArray[Any]:
         keep_alpha, over = self._has_alpha and suffix in WITH_ALPHA, encoding.flatten_over
@@ -446,7 +478,7 @@ def _with_choices(file: PictureFile, encoding: Encoding) -> PictureFile:
 def faults_of_exr(image: Image, encoding: Encoding) -> list[Diagnostic]:
     """Return diagnostics of values that an EXR cannot store exactly; nothing is examined if nothing is stored as halves."""
     asked = _with_halves_of_product(image, encoding)
-    if not asked.half and all(aov.stored != "half" for aov in image.aovs.values()):
+    if image.is_deep_alone or (not asked.half and all(aov.stored != "half" for aov in image.aovs.values())):
         return []
     return half_faults(exr_parts(image), asked, encoding.half)
 

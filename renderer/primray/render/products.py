@@ -75,7 +75,7 @@ class Product:
             rows = [*image.report["diagnostics"], *(note.as_json() for note in notes)]
             image = replace(image, report={**image.report, "diagnostics": rows})
         contents = image.file.contents
-        if record and contents is not None:
+        if record and contents is not None and not contents.is_deep:
             image = replace(image, file=replace(image.file, contents=replace(contents, picture=("R", "G", "B", "A", STDERR))))
         return image
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..distributed.executor import PartsExecutor
     from ..images.aov import Aov
     from ..images.background import Backdrop
+    from ..images.deep import DeepPicture
     from ..images.image import Image
     from ..report.report import Costs
     from ..sampling.sampling import Progress, Sampling
@@ -250,11 +251,13 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
         report |= {"error_ruled_by": rules} if rules is not None else {}
     report["stage_settings"] = prepared.asked.as_json()
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
+    deep = _deep_picture(prepared, sampling, costs)
+    report |= {"deep": deep.as_json()} if deep is not None else {}
     report |= {"labels": of_labels} if of_labels else {}
     report["frame"] = asdict(prepared.frame)
     report["motion"] = prepared.motion
     camera, frame = prepared.camera, prepared.frame
-    image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
+    image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space, deep=deep)
     image = replace(image, file=prepared.file or image.file, foreground=foreground)
     if prepared.settings.denoises:
         with kept_without("the denoised picture", diagnostics):
@@ -268,6 +271,18 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
             image = with_diffusion(image)
     as_json += [diagnostic.as_json() for diagnostic in list(diagnostics)[len(as_json) :]]
     return image
+
+
+def _deep_picture(prepared: Prepared, sampling: Sampling, costs: Costs) -> DeepPicture | None:
+    """Return the deep picture, if one is requested."""
+    from ..aovs import has_deep
+
+    if not has_deep(prepared.aovs):
+        return None
+    from ..images.deep import deep_of_film
+
+    with costs.stage("deep"):
+        return deep_of_film(sampling.film)
 
 
 def _are_all_sampled(sampling: Sampling, diagnostics: Diagnostics) -> bool:
@@ -340,7 +355,7 @@ def find_aovs(
     """Return the AOVs by name, and the report's facts about labels; failures are added to `diagnostics`."""
     if not prepared.aovs:
         return {}, {}
-    from ..aovs import CRYPTOMATTES, light_path_of, taxonomy_of
+    from ..aovs import CRYPTOMATTES, DEEP, light_path_of, taxonomy_of
     from ..diagnostics import kept_without
     from ..images.cryptomatte import mattes_of
     from ..images.first_hit import aovs_of, labels_of_view
@@ -349,7 +364,8 @@ def find_aovs(
     mattes = [request for request in prepared.aovs if request.source in CRYPTOMATTES]
     labels = [request for request in prepared.aovs if taxonomy_of(request.source)]
     routed = [request for request in prepared.aovs if light_path_of(request.source) is not None]
-    plain = [request for request in prepared.aovs if request not in (*mattes, *labels, *routed)]
+    others = (*mattes, *labels, *routed)
+    plain = [request for request in prepared.aovs if request not in others and request.source != DEEP]
     says: dict[str, Any] = {}
     found: dict[str, Aov] = {}
 

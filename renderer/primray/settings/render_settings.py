@@ -134,6 +134,14 @@ def _check_diffusion(name: str, value: float) -> None:
     require(not fault, fault, name)
 
 
+def _is_deep_tolerance(tolerance: float) -> bool:
+    return 0.001 <= tolerance <= 1
+
+
+def _is_deep_count(samples: int) -> bool:
+    return 4 <= samples <= 4096
+
+
 def _is_region(region: tuple[float, float, float, float]) -> bool:
     left, bottom, right, top = region
     return 0 <= left < right <= 1 and 0 <= bottom < top <= 1
@@ -579,7 +587,8 @@ class RenderSettings:
         check=_check_aovs,
         flag=Flag(
             ("--aov", "--aovs"),
-            "AOVs to write as parts of an EXR: names separated by commas, all, or none; may be repeated.",
+            "AOVs to write as parts of an EXR: names separated by commas, all, or none; deep is a file beside it, "
+            "NAME.deep.exr; may be repeated.",
             metavar="NAME",
             shown="the stage's",
             commands=PICTURES,
@@ -592,6 +601,31 @@ class RenderSettings:
         yes_or_no,
         flag=Flag(("--aov-errors",), "Add standard errors to AOVs that are means of samples.", commands=PICTURES),
         member=Member("Add the standard errors of AOVs that are means of samples to their parts."),
+    )
+    # Relative size of depths that share a sample of a deep picture, and the most samples in a pixel.
+    deep_tolerance: float = setting(
+        0.01,
+        number,
+        check=must(_is_deep_tolerance, "the tolerance of a deep picture must be from 0.001 to 1"),
+        seldom=True,
+        flag=Flag(
+            ("--deep-tolerance",),
+            "Relative size of the depths that share a sample of --aov deep and of deepRaster products.",
+            metavar="T",
+            commands=frozenset({"render"}),
+        ),
+    )
+    deep_samples: int = setting(
+        32,
+        whole,
+        check=must(_is_deep_count, "the samples of a deep picture must be from 4 to 4096 a pixel"),
+        seldom=True,
+        flag=Flag(
+            ("--deep-samples",),
+            "Most samples in a pixel of a deep picture; a pixel with more has a greater tolerance.",
+            metavar="N",
+            commands=frozenset({"render"}),
+        ),
     )
     # Diagnostics that fail the render, as in Refusal: all that change the picture, or some codes; `allow` exempts codes.
     strict: bool = setting(

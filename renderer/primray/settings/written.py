@@ -53,6 +53,8 @@ class SettingsValues(TypedDict, total=False):
     purposes: Iterable[str] | None
     aovs: Iterable[str] | None
     aov_errors: bool
+    deep_tolerance: float
+    deep_samples: int
     strict: bool
     fail_on: Iterable[str]
     allow: Iterable[str]

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field, replace
 
 from pxr import Usd
 
-from ..aovs import VECTORS, AovRequest, names_instances, primvars_of, with_distances
+from ..aovs import DEEP, VECTORS, AovRequest, has_deep, names_instances, primvars_of, with_distances
 from ..diagnostics import Diagnostics
+from ..errors import SettingsError
 from ..settings import RenderSettings
 from .camera.shutter import Shutter, motion_vector_shutter, render_timing, report_closed_shutter
 from .camera.view import cameras_in_instances, estimate_view_through, exposure_times, select_camera
@@ -122,6 +123,12 @@ def set_up_view(
     )
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
     aovs, file = outputs_of(product, settings, diagnostics)
+    if has_deep(aovs) and settings.eye is not None:
+        raise SettingsError(
+            "a stereo pair has no deep pictures: render each eye by --camera, or leave out --aov deep and deepRaster products",
+            where="aovs",
+            code="deep-setting",
+        )
     aovs = with_distances(aovs, meters_per_unit(stage))
     product = replace(product, file=file)
     has_names = any(names_instances(request.source) for request in aovs)
@@ -136,7 +143,7 @@ def set_up_view(
     vectors = motion_vector_shutter(camera, shutter, ctx) if is_vectored else None
     if is_vectored:
         report_closed_shutter(shutter, vectors, ctx)
-    ctx = replace(ctx, timing=render_timing(shutter, bool(aovs), ctx, vectors, rolling))
+    ctx = replace(ctx, timing=render_timing(shutter, any(request.source != DEEP for request in aovs), ctx, vectors, rolling))
     if ctx.timing.is_open:
         ctx = replace(ctx, foreseen=estimate_view_through(camera, shutter, ctx, product))
     return ViewSetup(ctx=ctx, product=product, camera=camera, shutter=shutter, aovs=aovs)

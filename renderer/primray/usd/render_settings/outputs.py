@@ -11,7 +11,7 @@ from typing import Any
 
 from pxr import Usd
 
-from ...aovs import CRYPTOMATTES, AovRequest, data_type_of, kind_of, light_paths_of, primvar_of, requests_of
+from ...aovs import CRYPTOMATTES, DEEP, AovRequest, data_type_of, kind_of, light_paths_of, primvar_of, requests_of
 from ...description.picture_file import LOSSY, PLAIN, Contents, PictureFile, PictureView
 from ...diagnostics import Diagnostics
 from ...errors import SettingsError
@@ -29,6 +29,7 @@ from .render_var import PICTURE, aovs_of_variables, halves_of_picture, picture_c
 from .stage_settings import read_stage_settings
 
 STDERR = "stderr"
+DEEP_REQUEST, DEEP_ALONE = AovRequest(DEEP, DEEP), Contents(is_deep=True)
 
 
 def outputs_of(
@@ -42,7 +43,12 @@ def outputs_of(
         aovs, file = requests_of(settings.aovs), product.file
         parts = tuple((request.name, request.name) for request in aovs)
         contents = Contents(requested_picture_channels(settings.aovs), parts)
-        files = [(p.path, replace(p.file, contents=contents)) for p in (product, *product.beside)]
+        deep = {p.path for p in (product, *product.beside) if p.is_deep and settings.product is not None}
+        files = [
+            (p.path, replace(p.file, contents=DEEP_ALONE if p.path in deep else contents)) for p in (product, *product.beside)
+        ]
+        if deep:
+            aovs = tuple(dict.fromkeys((*aovs, DEEP_REQUEST)))
     else:
         union = _RequestUnion()
         files = [(p.path, _product_file(p, union, diagnostics)) for p in (product, *product.beside)]
@@ -113,12 +119,27 @@ def requested_picture_channels(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def _product_file(product: ProductSettings, union: _RequestUnion, diagnostics: Diagnostics) -> PictureFile:
+    if product.is_deep:
+        union.add(DEEP_REQUEST)
+        _note_not_deep(product, diagnostics)
+        return replace(product.file, half=(), contents=DEEP_ALONE)
     requests = aovs_of_variables(product.variables, diagnostics)
     halves = halves_of_picture(product.variables, diagnostics) if product.variables else ()
     parts = tuple((request.name, union.add(request)) for request in requests)
     picture = picture_channels(product.variables)
     contents = Contents(picture if picture or parts else PICTURE, parts)
     return replace(product.file, half=(*product.file.half, *halves), contents=contents)
+
+
+def _note_not_deep(product: ProductSettings, diagnostics: Diagnostics) -> None:
+    """Report variables and options of a deep picture that its file does not have."""
+    for request in aovs_of_variables(product.variables, diagnostics):
+        if request.source != "depth":
+            message = f"A deepRaster has R, G, B, A, Z and ZBack: {request.name} is left out. Order it of a raster product."
+            diagnostics.add("output-parameter", product.path, message, "orderedVars")
+    if product.file.compression not in ("", "zips"):
+        message = f"A deepRaster is compressed by zips, not {product.file.compression}."
+        diagnostics.add("output-parameter", product.path, message)
 
 
 class _RequestUnion:

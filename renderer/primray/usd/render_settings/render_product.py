@@ -164,6 +164,7 @@ def _is_text(given: str) -> bool:
 
 Window = tuple[float, float, float, float]
 WHOLE: Window = (0.0, 0.0, 1.0, 1.0)
+DEEP_RASTER = "deepRaster"
 POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
 SOURCE_TYPES = ("raw", "primvar", "lpe", "intrinsic")
 MOST_VARIABLES = 1000
@@ -189,7 +190,7 @@ class ProductSettings:
     path: str = ""  # of the RenderProduct; "": the settings have none, so the product is the picture alone
     settings_path: str = ""  # of the RenderSettings; "": the stage has none
     name: str = ""  # productName as authored; product_name.safe_product_name makes a file's name of it
-    type: str = "raster"
+    type: str = "raster"  # or "deepRaster"
     camera: str | None = None
     resolution: tuple[int, int] | None = None
     pixel_aspect_ratio: float = 1.0
@@ -206,6 +207,11 @@ class ProductSettings:
     asked: StageSettings = NOTHING_ASKED  # settings of the render
     beside: tuple[ProductSettings, ...] = ()  # further products made by the same render
 
+    @property
+    def is_deep(self) -> bool:
+        """Whether its file holds a deep picture."""
+        return self.type == DEEP_RASTER
+
 
 def read_settings_alone(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:
     """Return the default product of RenderSettings without products."""
@@ -217,15 +223,20 @@ def read_product(settings: Usd.Prim, product: Usd.Prim, when: When, diagnostics:
     """Return a product; only values that it authors override the settings' (UsdRenderProduct)."""
     reader = _Reader(settings, product, when, diagnostics)
     name, kind = reader.own("productName", ""), reader.own("productType", "raster")
-    if kind != "raster":
-        reader.note("productType", f"productType = {kind!r} is not supported: a raster image is rendered.")
     name = name if isinstance(name, str) else ""
+    if kind == DEEP_RASTER and PurePosixPath(name).suffix.lower() in OTHER_EXTENSIONS:
+        message = f"productType = {kind!r} needs an EXR, but productName is {name!r}: a raster image is rendered."
+        reader.note("productType", message)
+        kind = "raster"
+    elif kind not in ("raster", DEEP_RASTER):
+        reader.note("productType", f"productType = {kind!r} is not supported: a raster image is rendered.")
+        kind = "raster"
     asked, view = read_stage_settings(settings, product, when, diagnostics)
     return replace(
         reader.product(),
         path=str(product.GetPath()),
         name=name,
-        type="raster",
+        type=kind,
         variables=tuple(_variables(product, when, diagnostics)),
         file=replace(read_product_file(product, name, when, diagnostics), view=view),
         asked=asked,
