@@ -195,6 +195,13 @@ def test_an_unknown_aov_is_refused_with_those_that_there_are():
     assert "geometric_normal" in refused.value.detail
 
 
+def test_a_deep_picture_is_refused():
+    with pytest.raises(Problem) as refused:
+        check_settings(Settings.model_validate({"aovs": ["depth", "deep"]}), Limits())
+    assert (refused.value.slug, refused.value.extra["member"]) == ("invalid-request", "settings.aovs")
+    assert "checkpoints" in refused.value.detail
+
+
 def test_a_bad_light_path_expression_is_refused_with_its_place():
     with pytest.raises(Problem) as refused:
         check_settings(Settings.model_validate({"aovs": ["C<RD"]}), Limits())

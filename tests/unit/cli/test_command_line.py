@@ -55,7 +55,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     more += " --fail-on missing --allow motion"
     more += " --aov depth,normal --aov st --default-wrap mirror --render-context universal --auto-camera usdrecord"
     chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
-    chosen += " --render-pass p"
+    chosen += " --render-pass p --deep-tolerance 0.005 --deep-samples 64"
     chosen += " --shutter -0.25 0.5 --motion-error 0.2 --no-motion-blur --region 0 0.25 0.5 1"
     chosen += " --lens mechanical-vignetting=2,0.5 --lens natural-vignetting=1"
     chosen += " --diffusion 0 --diffusion-glare 0.1 --diffusion-bloom-width 0.02"
@@ -102,6 +102,8 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "purposes": ["default", "proxy"],
         "aovs": ["depth", "normal", "st"],
         "aov_errors": False,
+        "deep_tolerance": 0.005,
+        "deep_samples": 64,
         "strict": True,
         "fail_on": ["missing"],
         "allow": ["motion"],

@@ -99,6 +99,8 @@ NONSENSE: dict[str, list[Any]] = {
     "purposes": ["render", ["final"], []],
     "aovs": ["depth", ["deepth"], 3],
     "aov_errors": ["yes", None],
+    "deep_tolerance": ["fine", 0, 0.0001, 2.0, None],
+    "deep_samples": [3, 5000, "many", None],
     "strict": ["no", 1],
     "fail_on": ["missing", ["a-code-that-is-not-there"], None],
     "allow": ["missing", ["a-code-that-is-not-there"], None],

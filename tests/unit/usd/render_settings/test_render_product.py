@@ -121,9 +121,18 @@ def test_the_product_that_is_rendered() -> None:
         translate_text("", RenderSettings(product="/p"))
 
 
-@pytest.mark.conforms("RenderProduct.productType", state="diagnosed")
-@pytest.mark.parametrize("kind", ["deepRaster", "holograph", ""])
-def test_product_types(kind: str) -> None:
+@pytest.mark.conforms("RenderProduct.productType")
+@pytest.mark.parametrize(("name", "kind", "reported"), [("a.exr", "deepRaster", False), ("a.png", "raster", True)])
+def test_deep_rasters_are_exrs(name: str, kind: str, reported: bool) -> None:
+    text = settings_prim("rel products = </p>") + (
+        f'def RenderProduct "p"\n{{\n    uniform token productType = "deepRaster"\n    token productName = "{name}"\n}}\n'
+    )
+    found, codes = read(text)
+    assert (found[0].type, codes) == (kind, [("render-settings-input", "/p", "productType")] if reported else [])
+
+
+@pytest.mark.parametrize("kind", ["holograph", ""])
+def test_other_product_types(kind: str) -> None:
     text = settings_prim("rel products = </p>") + f'def RenderProduct "p"\n{{\n    uniform token productType = "{kind}"\n}}\n'
     found, codes = read(text)
     assert (found[0].type, codes) == ("raster", [("render-settings-input", "/p", "productType")])
