@@ -250,9 +250,10 @@ def _blosc_decompress() -> Callable[[bytes, int], bytes]:
         if not number or not 0 < block <= size:
             raise VdbError(f"its Blosc chunk has numbers of {number} bytes in blocks of {block}")
         try:
-            return blosc.decompress(chunk)
+            found: bytes = blosc.decompress(chunk)
         except Exception as error:  # blosc_extension.error, which has no public name
             raise VdbError(f"its values cannot be decompressed ({error})") from None
+        return found
 
     return decompress
 
