@@ -13,7 +13,7 @@ BEGIN = "<!-- the gallery, by `make docs`: begin -->"
 END = "<!-- the gallery: end -->"
 HEAD = """# Gallery
 
-Ten scenes of the project's own. Each stage is made by the script beside it; the command under a picture renders it again,
+Eleven scenes of the project's own. Each stage is made by the script beside it; the command under a picture renders it again,
 to the same bits. Errors are relative squared errors ([what that is](error.md)) of the very picture, with their 95 %
 intervals; seconds are of one core. A picture is denoised only where it says so; its error is then measured too
 ([how](denoising.md)).
@@ -49,7 +49,11 @@ def facts(shown: Shown, kept: Mapping[str, Any]) -> str:
     samples = f"{mean} samples a pixel" if low == high else f"{mean} samples a pixel ({low} to {high})"
     seconds = f"{kept['cpu_s']:,.0f} s of one core"
     if shown.denoised:
-        of_both = f"Denoised: relMSE {error(kept['denoised_relmse'])}; of the samples themselves {error(kept['relmse'])}"
+        denoised, of_samples = kept["denoised_relmse"], f"of the samples themselves {error(kept['relmse'])}"
+        if denoised["ci95"][1] > 0:
+            of_both = f"Denoised: relMSE {error(denoised)}; {of_samples}"
+        else:  # the estimate is negative, which becomes 0
+            of_both = f"Denoised: its error is lost in the tails of the noise; relMSE {of_samples}"
         return f"{of_both}; {samples}, {seconds}."
     return f"relMSE {error(kept['relmse'])}; {samples}, {seconds}. Not denoised."
 
@@ -74,7 +78,7 @@ def page(shown: Sequence[Shown], kept: Mapping[str, Any]) -> str:
 
 def thumbnails(shown: Sequence[Shown]) -> str:
     return "\n".join(
-        f'<a href="docs/gallery.md"><img src="docs/gallery/{one.name}-small.jpg" width="19%" alt="{one.title}"></a>'
+        f'<a href="docs/gallery.md"><img src="docs/gallery/{one.name}-small.jpg" width="16%" alt="{one.title}"></a>'
         for one in shown
     )
 

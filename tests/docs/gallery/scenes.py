@@ -97,6 +97,16 @@ SHOWN = (
         denoised=True,
     ),
     Shown(
+        "attic",
+        "Dust in an attic",
+        "The sun shines through three roof windows into dust, a medium that fills a box without a surface; a lantern burns in "
+        "it. Lights are sampled along each ray through the dust as well as at its vertices.",
+        target=0.03,
+        spp=512,
+        denoised=True,
+        exposure=0.5,
+    ),
+    Shown(
         "motion",
         "A wheel of lamps",
         "The shutter is open for a second, while the wheel turns by 6 degrees. Lamps that move are lights; cabins hang upright "
