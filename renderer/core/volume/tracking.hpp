@@ -28,6 +28,14 @@ struct GridSegment {
   vvec3<W> extinction;  // per unit of the grid's values and of distance
 };
 
+// Greatest value that is followed, for the greatest extinction `most` per unit of a value: steps have a mean of at least 2^-20
+// voxels, and of two roundings of the distance. Shorter ones would not advance, and what has greater values is opaque.
+template <int W>
+PRIMRAY_INLINE vfloat<W> greatest_value(const GridSegment<W>& s, vfloat<W> most) {
+  const vfloat<W> by_voxel = sqrt(dot(s.d, s.d)) * 0x1p20f, by_distance = 0x1p22f / max(abs(s.to), 1e-30f);
+  return min(by_voxel, by_distance) / max(most, 1e-30f);
+}
+
 // Random numbers in [0, 1) of a path's events in a grid.
 template <int W>
 struct EventNumbers {
@@ -56,6 +64,7 @@ struct CollisionEvents {
   using B = vbool<W>;
   vvec3<W> k{F(0.0f)};  // extinction per unit of the grid's values and of distance
   F most{0.0f};         // its largest channel
+  F greatest{0.0f};     // value that is followed
   B is_gray{true};
   vvec3<W> beta{F(0.0f)};  // throughput of the path, before the albedo of a collision
   B happens{false};        // before the segment's end, at `t`
@@ -64,22 +73,22 @@ struct CollisionEvents {
 
   PRIMRAY_INLINE void begin(B fresh, const GridSegment<W>& s, const vvec3<W>& throughput) {
     k = select(fresh, s.extinction, k), beta = select(fresh, throughput, beta);
-    most = max_component(k);
+    most = max_component(k), greatest = select(fresh, greatest_value(s, most), greatest);
     is_gray = (k.x == most) & (k.y == most) & (k.z == most);
     happens &= !fresh, t = select(fresh, s.to, t);
   }
   PRIMRAY_INLINE CellSizes<W> cell_sizes() const { return CellSizes<W>::by_depth(most); }
-  PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return walk.high * most; }
+  PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return high(walk) * most; }
   // Returns the lanes of `event` that end at distance `at`.
   PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
-    const F choice = numbers(1) * walk.high;
+    const F choice = numbers(1) * high(walk);
     const VoxelChoice<W> near = grid.voxel_at(walk.in_cell(at), numbers.voxel(), [&] { return numbers.velocity(); });
     B real = event & is_gray & (choice < walk.low);
     if (const B reads = event & !real; any(reads)) {
       const F value = grid.value(near.x, near.y, near.z);
       real |= reads & is_gray & (choice < value);
       if (const B colored = reads & !is_gray; any(colored))
-        real |= collides_colored(colored, value / max(walk.high, 1e-30f), numbers(1));
+        real |= collides_colored(colored, min(value / max(high(walk), 1e-30f), F(1.0f)), numbers(1));
     }
     happens |= real, t = select(real, at, t);
     voxel[0] = select(real, near.x, voxel[0]), voxel[1] = select(real, near.y, voxel[1]);
@@ -89,6 +98,7 @@ struct CollisionEvents {
   PRIMRAY_INLINE void pass(B, const CellWalk<W>&, F) {}
 
  private:
+  PRIMRAY_INLINE F high(const CellWalk<W>& walk) const { return min(walk.high, greatest); }
   // Chooses by the throughput of all channels whether an event with the share `share` of the majorant is a collision.
   PRIMRAY_INLINE B collides_colored(B colored, F share, F u) {
     const vvec3<W> hit = beta * k * (share * (1.0f / most)), passed = beta - hit;
@@ -106,20 +116,21 @@ struct TransmittanceEvents {
   using F = vfloat<W>;
   using B = vbool<W>;
   vvec3<W> k{F(0.0f)}, share{F(0.0f)};  // extinction, and its channels by the largest
-  F most{0.0f};
+  F most{0.0f}, greatest{0.0f};
   vvec3<W> ratio{F(1.0f)};
   F control{0.0f};  // integral of the cells' least values
 
   PRIMRAY_INLINE void begin(B fresh, const GridSegment<W>& s) {
     k = select(fresh, s.extinction, k), most = max_component(k), share = k * (1.0f / max(most, 1e-30f));
+    greatest = select(fresh, greatest_value(s, most), greatest);
     ratio = select(fresh, vvec3<W>(F(1.0f)), ratio), control = select(fresh, F(0.0f), control);
   }
   PRIMRAY_INLINE CellSizes<W> cell_sizes() const { return CellSizes<W>::by_depth(most); }
-  PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return (walk.high - walk.low) * most; }
+  PRIMRAY_INLINE F rate(const CellWalk<W>& walk) const { return span(walk) * most; }
   PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
     const VoxelChoice<W> near = grid.voxel_at(walk.in_cell(at), numbers.voxel(), [&] { return numbers.velocity(); });
     const F value = grid.value(near.x, near.y, near.z);
-    const F part = min(max((value - walk.low) / max(walk.high - walk.low, 1e-30f), 0.0f), F(1.0f));
+    const F part = min(max((value - walk.low) / max(span(walk), 1e-30f), 0.0f), F(1.0f));
     ratio = select(event, ratio * (vvec3<W>(F(1.0f)) - share * part), ratio);
     // Little light is left: most such segments end, the others stand for them.
     const F left = max_component(ratio) * exp_of_minus(min(min(k.x, k.y), k.z) * control);
@@ -135,6 +146,7 @@ struct TransmittanceEvents {
   }
 
  private:
+  PRIMRAY_INLINE F span(const CellWalk<W>& walk) const { return min(walk.high - walk.low, greatest); }
   static constexpr float kFaint = 0.05f, kFaintKeep = 0.25f;
 };
 

@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 MEASURED = ROOT / "tests" / "hard" / "measured"
 PAGE = ROOT / "docs" / "hard-cases.md"
-FAMILIES = ("Far worlds", "Scales", "Instances", "Meshes", "Lights", "Materials", "Numbers", "Images")
+FAMILIES = ("Far worlds", "Scales", "Instances", "Meshes", "Lights", "Materials", "Volumes", "Numbers", "Images")
 
 HEAD = """# Hard cases
 
