@@ -42,7 +42,7 @@ def mean(folder: Path, text: str, **values: object) -> np.ndarray:
     """Mean colour and alpha of a picture through the middle of the voxels."""
     path = folder / f"stage{len(list(folder.iterdir()))}.usda"  # USD keeps layers that it has read
     path.write_text(f'#usda 1.0\n(\n    upAxis = "Y"\n    metersPerUnit = 1\n)\n{SKY}{CAMERA}{text}')
-    image = primray.render(str(path), resolution=(16, 16), spp=256, seed=3, **values)  # type: ignore[arg-type]
+    image = primray.render(str(path), resolution=(32, 32), spp=1024, seed=3, **values)  # type: ignore[arg-type]
     return np.asarray(image.pixels, np.float64).reshape(-1, 4).mean(axis=0)
 
 
@@ -59,15 +59,15 @@ def test_beer_and_lambert(tmp_path: Path, half: bool, split: bool) -> None:
         text += text.replace('"Smoke"', '"Other"')
     found = mean(tmp_path, text + look(shader))
     expected = [0.5**2, 0.25**2, 0.125**2]
-    np.testing.assert_allclose(found[:3], expected, rtol=0.1)
-    assert found[3] == pytest.approx(1 - found[:3].mean(), abs=0.1)
+    np.testing.assert_allclose(found[:3], expected, rtol=0.015)
+    assert found[3] == pytest.approx(1 - found[:3].mean(), abs=0.003)
 
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_white_volume_in_a_white_sky_is_not_seen(tmp_path: Path) -> None:
     write(tmp_path, grid(0.5), grid((0.9, 0.6, 0.3), name="color", kind="vec3s"))
     text = volume_text(bound="/Look") + look("color3f inputs:scatter_color = (1, 1, 1)")
-    np.testing.assert_allclose(mean(tmp_path, text, max_depth=200)[:3], 1, atol=0.02)
+    np.testing.assert_allclose(mean(tmp_path, text, max_depth=200)[:3], 1, atol=2e-3)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -79,7 +79,7 @@ def test_instances_far_from_the_origin(tmp_path: Path) -> None:
     assert found[0] == pytest.approx(1)  # nothing is before this camera
     camera = CAMERA.replace("(3.5,", "(100000003.5,").replace('"Cam"', '"FarCam"')
     found = mean(tmp_path, text + camera, camera="/FarCam")
-    assert found[0] == pytest.approx(math.exp(-2), rel=0.1)
+    assert found[0] == pytest.approx(math.exp(-2), rel=0.01)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -104,7 +104,7 @@ def test_emission_adds_along_the_ray(tmp_path: Path) -> None:
     write(tmp_path, grid(0.25), grid((0.1, 0.2, 0.3), name="emission", kind="vec3s"))
     text = volume_text({"emission": ""})
     found = mean(tmp_path, text)  # without a density there is no extinction: the sky is seen through it
-    np.testing.assert_allclose(found[:3], 1 + 8 * np.array([0.1, 0.2, 0.3]), rtol=0.02)
+    np.testing.assert_allclose(found[:3], 1 + 8 * np.array([0.1, 0.2, 0.3]), rtol=3e-3)
 
 
 @pytest.mark.filterwarnings("ignore")
