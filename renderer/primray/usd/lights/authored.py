@@ -178,7 +178,9 @@ def _report_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
     if "light:shaderId" not in prim.names:
         return
     shader = read(prim.prim, "light:shaderId", ctx.when)
-    own = {prim.type_name, prim.type_name.removesuffix("_1"), "MeshLight", ""}
+    own = {prim.type_name, prim.type_name.removesuffix("_1"), "MeshLight", ""} | (
+        {"VolumeLight"} if prim.type_name == "Volume" else set()
+    )
     if shader not in own:
         message = f"light:shaderId = {shader!r} is ignored: the light is rendered as a {prim.type_name}."
         ctx.warn("light-input", prim.path, message, "light:shaderId")

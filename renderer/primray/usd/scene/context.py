@@ -115,7 +115,7 @@ class Findings:
     property_names: set[frozenset[str]] = field(default_factory=set)  # sets of authored names that occur on prims
     blur_scales: set[float] = field(default_factory=set)  # authored values of motion:blurScale
     collection_bindings: CollectionBindings = field(default_factory=CollectionBindings)
-    light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
+    light_shapes: set[str] = field(default_factory=set)  # paths of shapes and volumes that LightAPI makes lights
     physical_schemas: dict[str, set[str]] = field(default_factory=dict)  # of the proposal "physical-lighting", by prim path
     portals: list[str] = field(default_factory=list)  # paths of PortalLights
     named_portals: set[str] = field(default_factory=set)  # those that domes name

@@ -174,12 +174,14 @@ def _note_motion(prim: ResolvedPrim, ctx: Context) -> None:
 
 
 def _note_light_schema(prim: ResolvedPrim, schema: str, kind: str, ctx: Context) -> None:
-    """Register shapes as lights; report prims that cannot be lights, such as curves, whose area is not computed."""
+    """Register shapes and volumes as lights; report prims that cannot be lights, such as curves, whose area is not computed."""
     if kind == "shape" and prim.type_name not in _UNLIT:
         ctx.findings.light_shapes.add(prim.path)
         if schema == "VolumeLightAPI":
             message = "VolumeLightAPI on a surface: it emits light as MeshLightAPI does."
             ctx.warn("light-input", prim.path, message)
+    elif kind == "volume":
+        ctx.findings.light_shapes.add(prim.path)
     elif kind != "light" and prim.type_name not in UNSUPPORTED_LIGHTS | {"PortalLight"}:
         kept = "its shape is rendered, but emits no light" if prim.type_name in _UNLIT else "its light is missing"
         ctx.warn("unsupported-light", prim.path, f"{schema} makes this {prim.type_name or 'prim'} a light: {kept}.")

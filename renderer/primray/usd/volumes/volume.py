@@ -22,6 +22,7 @@ from .files import TOO_LARGE
 from .motion import VolumePath, VolumePlace
 from .shaders import coefficients_of, storm_fallback
 from .velocity import TooFarError, Velocities, velocities_of
+from .volume_light import as_light
 
 
 def add_volume(
@@ -56,7 +57,7 @@ def add_volume(
     if ctx.timing.is_open:
         _add_paths(scene, media, emissions, maker, VolumePlace(leaf.path, chains, usable, blur_scale))
     scene.media += media
-    scene.volume_emissions += emissions
+    scene.volume_emissions += as_light(emissions, leaf, ctx)
 
 
 def _blur(media: list[VolumeMedium], emissions: list[VolumeEmission], maker: VolumeMaker, velocities: Velocities) -> str:
