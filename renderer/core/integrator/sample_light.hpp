@@ -12,7 +12,7 @@
 
 namespace primray {
 
-// Surfaces glossy enough to influence which of many lights is sampled.
+// Lobes that influence which of many lights is sampled: of surfaces that are glossy enough, and of media.
 
 // Minimum albedo, and maximum roughness (alpha), of a specular lobe that influences the choice.
 constexpr float kLeastGlossy = 0.04f, kDullAlpha = 0.6f;
@@ -22,22 +22,33 @@ constexpr float kLeastRest = 0.02f;
 // Finds the lanes of `scatters` whose surface, seen along unit wo (world space), is glossy, and their lobes; returns whether
 // there are any.
 template <int W, class Lobes>
-PRIMRAY_RARE bool find_glossy(vbool<W> scatters, const Lobes& b, const vvec3<W>& wo, GlossyLanes<W>& s) {
+PRIMRAY_RARE bool find_glossy(vbool<W> scatters, const Lobes& b, const vvec3<W>& wo, LobePreview<W>& s) {
   const vbool<W> by_coat = b.any_coat ? b.p_coat > b.p_specular : vbool<W>(false);
   const vfloat<W> alpha = b.any_coat ? select(by_coat, b.coat_alpha, b.alpha) : b.alpha;
   s.specular = select(by_coat, b.p_coat, b.p_specular), s.rest = max(1.0f - s.specular, kLeastRest);
-  s.glossy =
-      scatters & b.preview & (by_coat | !b.mirror) & (s.specular > vfloat<W>(kLeastGlossy)) & (alpha < vfloat<W>(kDullAlpha));
+  s.m = scatters & b.preview & (by_coat | !b.mirror) & (s.specular > vfloat<W>(kLeastGlossy)) & (alpha < vfloat<W>(kDullAlpha));
   s.wo = wo, s.alpha2 = alpha * alpha;
-  return any(s.glossy);
+  return any(s.m);
 }
 
-// Light chosen in each lane, and the glossy surfaces that influenced the choice.
+// Least mean cosine of phase functions that influence the choice.
+constexpr float kLeastPhase = 0.6f;
+
+// Finds the lanes of `scatters` in media that scatter forwards or backwards, seen along unit wo (world space).
+template <int W>
+PRIMRAY_RARE bool find_peaked(vbool<W> scatters, vfloat<W> phase, const vvec3<W>& wo, LobePreview<W>& s) {
+  s.m = scatters & (abs(phase) > vfloat<W>(kLeastPhase));
+  s.wo = wo, s.phase = phase;
+  return any(s.m);
+}
+
+// Light chosen in each lane, and the lobes that influenced the choice.
 template <int W>
 struct ChosenLight {
   LightChoice<W> choice;
-  GlossyLanes<W> glossy;
-  bool any_glossy = false;
+  LobePreview<W> lobes;
+  bool any_lobes = false;
+  vfloat<W> known;  // probability without lobes, if there are any: other techniques know nothing of them
 };
 
 template <int W, class Lobes>
@@ -46,11 +57,18 @@ PRIMRAY_INLINE void choose_light_at(const Round& round, vbool<W> scatters, const
   const LightTable& lights = round.scene.lights;
   const vuint<W> number = lights.count > 1 ? p.sampler.bits_of(p.vertex + vint<W>(1), Purpose::kLightChoice) : vuint<W>(0u);
   const bool linked = lights.links.any();
-  chosen.any_glossy =
-      v.bsdf.any_preview && lights.by_tree() && !linked && find_glossy(scatters, v.bsdf, v.frame.to_world(v.wo), chosen.glossy);
-  chosen.choice = linked
-                      ? choose_linked_light(lights, scatters, from, facing(v), number, v.it.link)
-                      : choose_light(lights, scatters, from, facing(v), number, chosen.any_glossy ? &chosen.glossy : nullptr);
+  if (lights.by_tree() && !linked) {
+    if constexpr (Lobes::kInMedium)
+      chosen.any_lobes = find_peaked(scatters, v.bsdf.phase, -p.ray.d, chosen.lobes);
+    else
+      chosen.any_lobes = v.bsdf.any_preview && find_glossy(scatters, v.bsdf, v.frame.to_world(v.wo), chosen.lobes);
+  }
+  chosen.choice = linked ? choose_linked_light(lights, scatters, from, facing(v), number, v.it.link)
+                         : choose_light(lights, scatters, from, facing(v), number, chosen.any_lobes ? &chosen.lobes : nullptr);
+  if (chosen.any_lobes) {
+    const vbool<W> m = chosen.lobes.m & (chosen.choice.probability > vfloat<W>(0.0f));
+    chosen.known = select(m, probability_of(lights, chosen.choice.light, m, from, facing(v)), chosen.choice.probability);
+  }
 }
 
 // Samples a point on the chosen light, seen from `from`. Domes with portals and geometry lights have their own sampling
@@ -105,13 +123,10 @@ PRIMRAY_INLINE vfloat<W> light_weight(const Round& round, vbool<W> useful, vbool
   const vint<W> light = chosen.choice.light;
   vbool<W> alone = s.is_delta | special;
   if (!lights.hierarchy.empty()) alone |= rarely_hit(lights, light, from, scattered_pdf);
-  // For MIS the choice is treated as if no surface were glossy, since that is all that a ray which hits the light knows. The
+  // For MIS the choice is treated as if no lobe had influenced it, since that is all that a ray which hits the light knows. The
   // weights of both techniques then add up to 1, whatever the densities in them.
   vfloat<W> known_pdf = pdf;
-  if (chosen.any_glossy) {
-    const vbool<W> m = useful & chosen.glossy.glossy;
-    known_pdf = select(m, s.pdf * probability_of(lights, light, m, from, facing(v)), pdf);
-  }
+  if (chosen.any_lobes) known_pdf = s.pdf * chosen.known;
   return select(alone, vfloat<W>(1.0f), mis_weight(known_pdf, scattered_pdf));
 }
 
@@ -245,11 +260,11 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if constexpr (Lobes::kInMedium) {
     // Samples along the ray have the rest.
     if (const vbool<W> m = useful & (v.bsdf.path >= vint<W>(0)); round.samples_along_rays() && any(m))
-      share =
-          select(m,
-                 round.worker.along->share_of_vertices(lights.pivots, p.ray.o, p.ray.d, dot(v.it.p - p.ray.o, p.ray.d),
-                                                       select(m, v.bsdf.path, vint<W>(0)), light, chosen.choice.probability),
-                 share);
+      share = select(m,
+                     round.worker.along->share_of_vertices(lights.pivots, p.ray.o, p.ray.d, dot(v.it.p - p.ray.o, p.ray.d),
+                                                           select(m, v.bsdf.path, vint<W>(0)), light,
+                                                           chosen.any_lobes ? chosen.known : chosen.choice.probability),
+                     share);
   }
   queue_light_sample(round, useful, chosen, v, p, from, share);
 }

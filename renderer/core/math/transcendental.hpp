@@ -108,6 +108,16 @@ PRIMRAY_INLINE vfloat<W> atan2(vfloat<W> y, vfloat<W> x) {
   return copysign(a, y);
 }
 
+// 1 / sqrt(a) for normal a > 0, with a relative error below 5e-6: two steps of Newton's method from a linear estimate of the
+// logarithm. For weights that need no more, in a third of the time of the division and the root.
+template <int W>
+PRIMRAY_INLINE vfloat<W> quick_rsqrt(vfloat<W> a) {
+  const vfloat<W> half = 0.5f * a;
+  vfloat<W> r = bit_cast<vfloat<W>>(vuint<W>(0x5f3759dfu) - (bit_cast<vuint<W>>(a) >> 1));
+  r = r * (1.5f - half * r * r);
+  return r * (1.5f - half * r * r);
+}
+
 // Inverse hyperbolic tangent, |z| < 0.18, by its series; relative truncation error below 1e-8.
 template <int W>
 PRIMRAY_INLINE vfloat<W> atanh_core(vfloat<W> z) {

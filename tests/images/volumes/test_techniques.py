@@ -91,6 +91,20 @@ def test_both_techniques_have_one_mean(name: str) -> None:
     assert_equal_means(scene, max_depth=3)
 
 
+@pytest.mark.parametrize("anisotropy", [0.6, 0.85, -0.9])
+@pytest.mark.parametrize("name", ["point", "point aside", "rect", "soft spot", "several", "forty"])
+def test_peaked_phase_functions(name: str, anisotropy: float) -> None:
+    """Distances and lights are chosen by the phase function, which is the mean of those of two kinds of smoke."""
+    smoke = [
+        medium(CLOUD, (0.3, 0.2, 0.1), (0.9, 0.8, 0.7), anisotropy=anisotropy),
+        medium(block(), 0.02, 1.0, anisotropy=0.55),
+    ]
+    # Vertices as near to a point as they come would have the error of a few.
+    lights = [replace(x, type=LightType.SPHERE, radius=0.7) if x.type == LightType.POINT else x for x in LIGHTS[name]]
+    scene = describe(media=smoke, lights=lights, camera=CAMERA, resolution=SIZE)
+    assert_equal_means(scene, 1024, max_depth=3)
+
+
 @pytest.mark.parametrize("extinction", [0.01, 1.0])
 def test_thin_and_dense_smoke(extinction: float) -> None:
     scene = describe(

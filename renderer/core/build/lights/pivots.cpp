@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <vector>
 
 namespace primray {
 namespace {
@@ -14,6 +16,47 @@ bool scatters(const Scene& scene) {
   const Interiors& interiors = scene.interiors;
   return (scene.volumes && scene.volumes->in_media.any()) || (interiors.fog.extinction > 0 && interiors.fog.scatters()) ||
          std::any_of(interiors.volumes.begin(), interiors.volumes.end(), [&](const Volume& v) { return any(v.scattering); });
+}
+
+// Mean cosines of all phase functions.
+std::vector<double> mean_cosines(const Scene& scene) {
+  std::vector<double> found;
+  const Interiors& interiors = scene.interiors;
+  if (interiors.fog.extinction > 0 && interiors.fog.scatters()) found.push_back(double(interiors.fog.phase));
+  for (const Volume& v : interiors.volumes) found.push_back(double(v.phase));
+  if (scene.volumes)
+    for (const VolumeTable::Medium& medium : scene.volumes->media) found.push_back(double(medium.anisotropy));
+  return found;
+}
+
+// Least mean cosine that counts.
+constexpr double kLeastCosine = 0.5;
+
+// Phase function of Henyey and Greenstein relative to isotropic scattering.
+double henyey_greenstein(double g, double cosine) { return (1 - g * g) / std::pow(1 + g * g - 2 * g * cosine, 1.5); }
+
+PhaseByAngle phase_by_angle(const std::vector<double>& mean_cosines) {
+  PhaseByAngle r;
+  const auto counts = [](double g) { return std::abs(g) > kLeastCosine; };
+  if (std::none_of(mean_cosines.begin(), mean_cosines.end(), counts)) return r;
+  constexpr int kSteps = 16;
+  constexpr double kWidth = PhaseByAngle::kWidth, kEven = PhaseByAngle::kEvenShare;
+  const double count = double(mean_cosines.size());
+  const double g = std::accumulate(mean_cosines.begin(), mean_cosines.end(), 0.0) / count;
+  r.mean_cosine = float(g), r.scale = float((1 - kEven) * (1 - g * g));
+  double sum = 0, most = 0;
+  for (int cell = 0; cell < PhaseByAngle::kCells; ++cell) {
+    double value = 0;
+    for (int step = 0; step < kSteps; ++step) {
+      const double cosine = std::cos(kWidth * (cell + (step + 0.5) / kSteps));
+      for (const double own : mean_cosines) value += henyey_greenstein(own, cosine) / (kSteps * count);
+      most += (1 - kEven) * henyey_greenstein(g, cosine) * kWidth / kSteps;
+    }
+    r.value.push_back(float(kEven + (1 - kEven) * value)), r.before.push_back(float(sum));
+    sum += double(r.value.back()) * kWidth;
+  }
+  r.before.push_back(float(sum)), r.most = float(most);
+  return r;
 }
 
 }  // namespace
@@ -38,6 +81,7 @@ void find_pivots(Scene& scene) {
     lights.pivots.of_light[size_t(i)] = int32_t(lights.pivots.pivots.size());
     lights.pivots.pivots.push_back(pivot);
   }
+  if (lights.pivots.any()) lights.pivots.phase = phase_by_angle(mean_cosines(scene));
 }
 
 }  // namespace primray

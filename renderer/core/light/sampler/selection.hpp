@@ -22,14 +22,14 @@ PRIMRAY_INLINE vfloat<W> total_importance(const LightTable& table, const vvec3<W
 }
 
 // Chooses lights in the lanes of `m`, with 32 random bits each. `n`: normal on the lit side, which the choice among many lights
-// takes into account; 0: any. `glossy`: glossy surfaces, whose lobes it takes into account; probability_of() does not.
+// takes into account; 0: any. `lobes`: those that it takes into account; probability_of() does not.
 template <int W>
 PRIMRAY_INLINE LightChoice<W> choose_light(const LightTable& table, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
-                                           vuint<W> u, const GlossyLanes<W>* glossy = nullptr) {
+                                           vuint<W> u, const LobePreview<W>* lobes = nullptr) {
   if (table.count == 1) return {vint<W>(0), vfloat<W>(1.0f)};
   LightChoice<W> choice{vint<W>(0), vfloat<W>(0.0f)};
   if (table.by_tree()) {
-    choose_in_tree(table, vint<W>(0), m, p, n, u, choice.light, choice.probability, glossy);
+    choose_in_tree(table, vint<W>(0), m, p, n, u, choice.light, choice.probability, lobes);
     return choice;
   }
   const vfloat<W> total = total_importance(table, p), wanted = unit_float(u) * total;

@@ -60,20 +60,21 @@ constexpr int kTreeLanes = 8;
 constexpr int kTreeLanes = 4;
 #endif
 
-// Preview of glossy surfaces for telling lights apart: a GGX lobe about the mirror direction of unit wo with share `specular`
-// of the albedo, and `rest` in all directions.
+// Preview of lobes for telling lights apart, in lanes `m`. Of glossy surfaces: a GGX lobe about the mirror direction of unit wo
+// with share `specular` of the albedo, and `rest` in all directions. In media: the phase function with mean cosine `phase`
+// about -wo; 0 elsewhere.
 template <int W>
-struct GlossyLanes {
-  vbool<W> glossy;
+struct LobePreview {
+  vbool<W> m;
   vvec3<W> wo;
-  vfloat<W> alpha2, specular, rest;
+  vfloat<W> alpha2, specular, rest, phase{0.0f};
 };
 
 // Shading point: position, and the normal on its lit side; 0: lit from all around.
 struct LitPoint {
   float p[3], n[3], across[3];  // `across`: |n|
-  bool has_normal, glossy = false;
-  float wo[3], alpha2, specular, rest;  // if `glossy`
+  bool has_normal, previewed = false;
+  float wo[3], alpha2, specular, rest, phase;  // if `previewed`
 
   template <int W>
   PRIMRAY_INLINE LitPoint(const vvec3<W>& at, const vvec3<W>& normal, int lane)
@@ -82,10 +83,10 @@ struct LitPoint {
     has_normal = across[0] + across[1] + across[2] > 0;
   }
   template <int W>
-  PRIMRAY_INLINE void send_on(const GlossyLanes<W>& s, int lane) {
-    glossy = s.glossy[lane] != 0;
+  PRIMRAY_INLINE void send_on(const LobePreview<W>& s, int lane) {
+    previewed = s.m[lane] != 0;
     wo[0] = s.wo.x[lane], wo[1] = s.wo.y[lane], wo[2] = s.wo.z[lane];
-    alpha2 = s.alpha2[lane], specular = s.specular[lane], rest = s.rest[lane];
+    alpha2 = s.alpha2[lane], specular = s.specular[lane], rest = s.rest[lane], phase = s.phase[lane];
   }
 };
 
@@ -161,11 +162,24 @@ PRIMRAY_INLINE vfloat<N> cone_of_slots(const LightTree::Block& block, int at, co
   return select(off > load<N>(block.cos_end + at), max(off, load<N>(block.floor + at)), none);
 }
 
+// Phase function of Henyey and Greenstein towards a cluster, relative to isotropic scattering. Its peak is widened by the
+// cluster's angular size: with a far-off angle a it is a function of (1 - |g|)^2 + |g| a^2, to which the mean square of the
+// size is added.
+template <int N>
+PRIMRAY_INLINE vfloat<N> scattered_from_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s) {
+  using F = vfloat<N>;
+  const F g(x.phase), seen = min(load<N>(block.radius + at) * s.inverse, 1.0f);
+  const F cosine = -(s.to.x * x.wo[0] + s.to.y * x.wo[1] + s.to.z * x.wo[2]) * s.inverse;
+  const F q = max(1.0f + g * g - 2.0f * g * cosine + 0.5f * abs(g) * seen * seen, 1e-6f);
+  return (1.0f - g * g) / (q * sqrt(q));
+}
+
 // Response of a glossy surface to a cluster, relative to a white Lambert surface: about pi times its BRDF, with the lobe
 // widened by the cluster's angular size.
 template <int N>
 PRIMRAY_INLINE vfloat<N> sent_on_from_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s) {
   using F = vfloat<N>;
+  if (x.phase != 0) return scattered_from_slots<N>(block, at, x, s);
   const F seen = min(load<N>(block.radius + at) * s.inverse, 1.0f);
   const vvec3<N> h{s.to.x * s.inverse + x.wo[0], s.to.y * s.inverse + x.wo[1], s.to.z * s.inverse + x.wo[2]};
   const F along = h.x * x.n[0] + h.y * x.n[1] + h.z * x.n[2], along2 = along * along, h2 = dot(h, h);
@@ -189,7 +203,7 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
       const F all = intensity * sent;
       store(most2 + at, most_of_slots<N>(block, at, x, place) * all * all);
     }
-    if (x.glossy) w = w * sent_on_from_slots<N>(block, at, x, place);
+    if (x.previewed) w = w * sent_on_from_slots<N>(block, at, x, place);
     // Small weights must not become 0.
     w = select((w > F(0.0f)) & (intensity > F(0.0f)), max(w * intensity, 1e-36f), F(0.0f));
     store(weights + at, w);
@@ -200,7 +214,7 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
     const vvec3<1> p{vfloat<1>(x.p[0]), vfloat<1>(x.p[1]), vfloat<1>(x.p[2])};
     const SlotPlace<1> place(block, s, x);
     float own = light_weight(table, ~block.child[s], p)[0] * table.tree.scale * cosine_of_slots<1>(block, s, x, place)[0];
-    if (x.glossy) own *= sent_on_from_slots<1>(block, s, x, place)[0];
+    if (x.previewed) own *= sent_on_from_slots<1>(block, s, x, place)[0];
     weights[s] = own > 0 ? std::max(own, 1e-36f) : 0.0f;
   }
 }
@@ -356,12 +370,12 @@ inline float probability_from_leaf(const LightTable& table, LightTree::Place pla
 // Chooses a light in the lanes of `m`, each from the tree with its `root`, by 32 random bits.
 template <int W>
 PRIMRAY_RARE void choose_in_tree(const LightTable& table, vint<W> root, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
-                                 vuint<W> u, vint<W>& light, vfloat<W>& probability, const GlossyLanes<W>* glossy = nullptr) {
+                                 vuint<W> u, vint<W>& light, vfloat<W>& probability, const LobePreview<W>* lobes = nullptr) {
   light = vint<W>(0), probability = vfloat<W>(0.0f);
   for (uint32_t left = bits(m); left; left &= left - 1) {
     const int i = __builtin_ctz(left);
     LitPoint x(p, n, i);
-    if (glossy) x.send_on(*glossy, i);
+    if (lobes) x.send_on(*lobes, i);
     const TreeChoice c = choose_from_node(table, root[i], x, double(u[i]) * 0x1p-32);
     light.set(i, c.light), probability.set(i, c.probability);
   }
