@@ -113,7 +113,7 @@ def test_thumbnails_of_readme_are_pictures_and_links_that_sphinx_knows() -> None
     made = build.linked_thumbnails(readme)
     assert "<img" in readme
     assert "<img" not in made
-    assert "[![A groom](docs/gallery/groom-small.jpg){width=19%}](docs/gallery.md)" in made
+    assert "[![A groom](docs/gallery/groom-small.jpg){width=16%}](docs/gallery.md)" in made
 
 
 def test_links_to_what_is_not_on_the_site_are_text(tmp_path: Path) -> None:
