@@ -13,7 +13,7 @@ TEXT = (Path(__file__).parents[3] / "docs" / "aovs.md").read_text()
 
 
 def test_the_table_is_complete() -> None:
-    rows = dict(re.findall(r"^\| `([a-z_:A-Z<>]+)` \| (.*) \|$", TEXT, re.MULTILINE))
+    rows = dict(re.findall(r"^\| `([a-z_:A-Z<>]+)` \| (.*? \| .*) \|$", TEXT, re.MULTILINE))
     assert set(rows) == {*AOVS, "primvar:NAME", "C<RD>L"}
     for name, kind in AOVS.items():
         channels, _, names = rows[name].split(" | ")
