@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from tests.bench.curves import medians
@@ -65,6 +65,26 @@ GROWTH_ROOM = 0.1  # by which a fitted power may exceed that of n log n
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
+
+
+def volumes_table(rows: Rows) -> str:
+    """Errors and seconds of pictures with volumes, and their products over ours with the most samples."""
+    ours = {row["scene"]: _error_seconds(row) for row in rows if row["renderer"] == "primray"}
+    head = ("scene", "renderer", "samples", "relMSE", "s", "relMSE x s, x ours", "mean")
+    lines = []
+    for row in rows:
+        within = f"within {row['mean_within']:.2%}" if "mean_within" in row else ""
+        off = f"{row['mean_off']:+.3%}" if row.get("mean_off") else within
+        seconds = f"{row.get('s', row.get('cpu_s')):.2f}"
+        product = f"{_error_seconds(row) / ours[row['scene']]:.1f}"
+        lines.append(
+            (row["scene"], row["renderer"], str(row.get("samples", "")), f"{row['relmse']:.2g}", seconds, product, off)
+        )
+    return table(head, lines)
+
+
+def _error_seconds(row: Mapping[str, Any]) -> float:
+    return float(row["relmse"]) * float(row["s"] if "s" in row else row["cpu_s"])
 
 
 def spread(values: Sequence[float], digits: int = 2) -> str:
