@@ -44,6 +44,12 @@ AOVS: dict[str, AovKind] = {
         RGB, "filtered reflectance at normal incidence, transmission included; 0 where nothing is", filtered=True
     ),
     "emission": AovKind(RGB, "filtered radiance of what the camera sees directly: surfaces, lights, domes", filtered=True),
+    "volume_opacity": AovKind(
+        RGB, "filtered share of light that volumes extinguish before the first surface; 0 where there are none", filtered=True
+    ),
+    "volume_depth": AovKind(
+        ("",), "mean distance along the camera's axis of what volumes extinguish there; infinite where there are none"
+    ),
     "guide_albedo": AovKind(
         RGB, "like albedo, over the shutter interval, in mirrors and through clear glass: a denoiser's guide", filtered=True
     ),
@@ -104,6 +110,8 @@ DEEP_BYTES = 500  # bytes per pixel, for about four samples
 IN_PICTURE = ("beauty", "alpha", "stderr")
 PRIMVAR = "primvar:"
 LIGHT_PATH = "lpe:"  # before a light path expression
+# Light paths that other renderers have names for; domes are lights, and fire is an object that glows.
+NAMED_LIGHT_PATHS = {"volume": "CV.*", "volume_direct": "CVL", "volume_indirect": "CV[^L].*"}
 LIGHT_PATH_BYTES = 320  # bytes per pixel of an expression: exact sums and the values made of them
 LABELS = "labels:"  # before a taxonomy of semantic labels
 CRYPTOMATTE_BYTES = 128  # bytes per pixel, for about four surfaces
@@ -135,12 +143,13 @@ def check_names(names: Iterable[str]) -> None:
             or name in CRYPTOMATTES
             or name in IN_PICTURE
             or name == DEEP
+            or name in NAMED_LIGHT_PATHS
             or _is_named(name)
             or is_light_path(name)
             or occlusion_distance(name) is not None
         ):
-            known = ", ".join((*AOVS, *CRYPTOMATTES, DEEP, *IN_PICTURE))
-            near = did_you_mean(str(name), (*AOVS, *CRYPTOMATTES, DEEP, *IN_PICTURE))
+            every = (*AOVS, *NAMED_LIGHT_PATHS, *CRYPTOMATTES, DEEP, *IN_PICTURE)
+            known, near = ", ".join(every), did_you_mean(str(name), every)
             sentence = f"there is no AOV {name!r}{f'; {near} There' if near else '; there'} are {known}, "
             sentence += "occlusion:DISTANCE, primvar:NAME, labels:TAXONOMY and light path expressions"
             raise SettingsError(sentence, where="aovs", code="unknown-aov")
@@ -206,6 +215,8 @@ def requests_of(names: Iterable[str]) -> tuple[AovRequest, ...]:
 def _request(name: str) -> AovRequest:
     if occlusion_distance(name) is not None:  # a dot in a channel's name would begin another layer
         return AovRequest(name, name, prefix=OCCLUSION)
+    if name in NAMED_LIGHT_PATHS:
+        return AovRequest(name, LIGHT_PATH + NAMED_LIGHT_PATHS[name])
     if not is_light_path(name):
         return AovRequest(name, name)
     expression = without_prefix(name)

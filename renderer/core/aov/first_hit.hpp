@@ -5,6 +5,9 @@
 // are means over the pixel filter and the lens of kFilteredSamples stratified points, the same in every render. Surfaces with a
 // presence below one half are looked through (filtered samples mix them by their presence); cutout holes are not hit in the
 // first place. Mirrors and glass are surfaces like others. Lights that the camera sees are background, but emit.
+//
+// Volumes are no surfaces: point samples look through them. Filtered samples mix what is behind them by their transmittance,
+// and coverage counts their collisions (first_hit_volumes.hpp).
 #pragma once
 
 #include <cstdint>
@@ -22,7 +25,8 @@ namespace primray {
 // The rays are those of the image, with the same random numbers: through lens, filter and time. Shares are integers in the
 // film's units, so that sums depend neither on their order nor on how samples are divided.
 
-// A surface as the core numbers it (see FirstHitPlanes), and its share of a pixel's samples, in units of 1 / Film::kCovered.
+// A surface as the core numbers it (see FirstHitPlanes), and its share of a pixel's samples, in units of 1 / Film::kCovered. A
+// volume in a grid has `shape` -1, `surface` 0, and its row of VolumeTable::media for the instance; the fog has -1 and 1.
 struct Covering {
   int32_t shape, surface, instance, outer;
   int64_t share;
@@ -75,6 +79,8 @@ struct FirstHitPlanes {
   std::vector<float> forward, backward;  // pixels, right and down: to the point's position at the end of the span, and at its
                                          // beginning
   std::vector<float> albedo, emission;   // filtered; R, G, B
+  std::vector<float> volume_opacity;     // filtered: share of light that collides in volumes before the first surface; R, G, B
+  std::vector<float> volume_depth;       // filtered: mean distance along the camera's axis of those collisions
   // Denoiser guides: filtered, also over the shutter interval, and of what is seen in mirrors and through clear glass
   // (first_hit_task.hpp); `guide_normal` is the mean of unit normals.
   std::vector<float> guide_albedo, guide_normal;
@@ -121,6 +127,8 @@ struct FirstHitPlanes {
     f("motion_backward", p.backward, 2, kPoint, 0.0);
     f("albedo", p.albedo, 3, kFiltered, 0.0);
     f("emission", p.emission, 3, kFiltered, 0.0);
+    f("volume_opacity", p.volume_opacity, 3, kFiltered, 0.0);
+    f("volume_depth", p.volume_depth, 1, kFiltered, kFar);
     f("guide_albedo", p.guide_albedo, 3, kGuide, 0.0);
     f("guide_normal", p.guide_normal, 3, kGuide, 0.0);
     f("occlusion", p.occlusion, 1, kOcclusion, 1.0);

@@ -7,6 +7,7 @@
 
 #include "accel/query.hpp"
 #include "aov/first_hit.hpp"
+#include "aov/first_hit_volumes.hpp"
 #include "bsdf/bsdf.hpp"
 #include "integrator/emission.hpp"
 #include "light/mesh/emitter.hpp"
@@ -111,7 +112,8 @@ class FirstHitTask {
         end_(scene.camera.moves ? scene.camera.at(1.0f) : scene.camera),
         center_(at_frame_),
         time_(scene.motion.frame),
-        unit_(1.0 / scene.scale) {
+        unit_(1.0 / scene.scale),
+        volumes_(scene) {
     center_.lens_radius = 0;
     center_.filter.box_width = 0;
     center_.filter.inverse_cdf.clear();
@@ -135,7 +137,7 @@ class FirstHitTask {
         if (any(there)) write(there, x, y, ray, hits, it);
         return hit & !there;
       };
-      follow(active & ray.exists(), ray, time_, [](B, const V&) {}, std::ref(seen));
+      follow(active & ray.exists(), ray, time_, [](B, const V&) {}, nullptr, std::ref(seen));
     }
   }
 
@@ -171,7 +173,7 @@ class FirstHitTask {
         left = select(hit, left * (1.0f - presence), left);
         return hit & (left > F(0.0f));
       };
-      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time_, [](B, const V&) {}, std::ref(seen));
+      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time_, [](B, const V&) {}, nullptr, std::ref(seen));
       open += left;
       // Add in the order of the samples, so that the result does not depend on the lane count.
       for (int i = 0; i < W && at + i < slots; ++i) {
@@ -259,24 +261,46 @@ class FirstHitTask {
       ray = scene_.camera.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
     }
     F left(1.0f);
+    V beta(F(1.0f));
+    const auto add = [&](int i, Covering covering, float share) {
+      covering.share = std::llround(double(share) * double(Film::kCovered));
+      if (covering.share > 0) add_covering(planes_.coverage.by_pixel[pixel_of(x[i], y[i])], covering);
+    };
+    const auto collide = [&](B m, const WayToHit<W>& way, I vertex) {
+      return volumes_.collide(m, way, sampler, vertex, beta, left, [&](int i, const SeenVolume& volume, float share) {
+        add(i, covering_of(volume), share);
+      });
+    };
     const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, Bend<W>&) {
       const HitGroup<W> in(scene_, hit, hits);
       const SurfacePoint<W> point(scene_, hit, hits);
       const F presence = rows(kPresence), share = left * presence;
       for (uint32_t b = bits(hit); b; b &= b - 1) {
         const int i = __builtin_ctz(b);
-        const int64_t units = std::llround(double(share[i]) * double(Film::kCovered));
-        if (units == 0) continue;
         const int32_t instance = in.instanced[i] ? in.instance[i] : -1, outer = in.grouped[i] ? in.outer[i] : -1;
         const int32_t shape = point.is_triangle[i] ? it.mesh[i] : -2 - it.curved[i];
-        add_covering(planes_.coverage.by_pixel[pixel_of(x[i], y[i])], {shape, it.surface[i], instance, outer, units});
+        add(i, {shape, it.surface[i], instance, outer, 0}, share[i]);
       }
       left = select(hit, left * (1.0f - presence), left);
       return hit & (left > F(0.0f));
     };
     alignas(64) int32_t lane[W];
     for (int i = 0; i < W; ++i) lane[i] = at + i < slots ? 1 : 0;
-    follow((load<W>(lane) == I(1)) & ray.exists(), ray, time, [](B, const V&) {}, std::ref(seen));
+    follow((load<W>(lane) == I(1)) & ray.exists(), ray, time, [](B, const V&) {}, std::ref(collide), std::ref(seen));
+  }
+
+  // What covers pixels where they show a volume.
+  Covering covering_of(const SeenVolume& volume) const {
+    if (volume.kind == SeenVolume::kGrid) return {-1, 0, volume.medium, -1, 0};
+    if (volume.kind == SeenVolume::kFog) return {-1, 1, -1, -1, 0};
+    const auto find = [&](const std::vector<int32_t>& of, int32_t surface) {
+      const auto at = std::find(of.begin(), of.end(), surface);
+      return at == of.end() ? -1 : int32_t(at - of.begin());
+    };
+    const VolumeObject& object = volume.object;
+    const int32_t surface = find(scene_.interiors.volume_of, object.volume), mesh = find(scene_.meshes.surface, surface);
+    const int32_t shape = mesh >= 0 ? mesh : -2 - find(scene_.curved.surface, surface);
+    return {shape, surface, object.instance, object.outer, 0};
   }
 
   F shutter_time(const Sampler<W>& sampler, I px, I py) const {
@@ -286,11 +310,13 @@ class FirstHitTask {
     return min(max(time + to_float(px) * motion.per_column + to_float(py) * motion.per_row, 0.0f), F(1.0f));
   }
 
-  // Computes means over a pixel's samples: of albedo, and of emission or, for guides, of normals.
+  // Computes means over a pixel's samples: of albedo, and of emission or, for guides, of normals; of the opacity of volumes and
+  // the depth of their collisions.
   void means(const PixelRect& r, bool guide, std::vector<float>& first, std::vector<float>& second) {
     const int slots = (r.x1 - r.x0) * (r.y1 - r.y0) * kFilteredSamples;
     const vuint<W> replicate(planes_.replicate);
-    double sums[6] = {};
+    constexpr int kSums = 11;
+    double sums[kSums] = {};
     for (int at = 0; at < slots; at += W) {
       alignas(64) int32_t x[W], y[W];
       alignas(64) uint32_t index[W];
@@ -302,11 +328,23 @@ class FirstHitTask {
       const Camera& camera = guide ? scene_.camera : at_frame_;
       const CameraRay<W> ray = camera.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
       V albedo(F(0.0f)), emission(F(0.0f));
+      V opacity(F(0.0f));
+      F depth(0.0f), depth_weight(0.0f);
       F left(1.0f);  // share of the view that no layer has covered yet
+      V tint(F(1.0f));
+      const auto cross_volumes = [&](B m, const WayToHit<W>& way, I layer) {
+        const auto in = volumes_.opacity(m, way, sampler, layer);
+        const F share = (in.opacity.x + in.opacity.y + in.opacity.z) * (1.0f / 3);
+        albedo += select(m, in.colored * left * tint, V(F(0.0f)));
+        opacity += select(m, in.opacity * left, V(F(0.0f)));
+        depth += select(m, along_axis(way.ray, in.weighted_distance, share) * left, F(0.0f));
+        depth_weight += select(m, share * left, F(0.0f));
+        left = select(m, left * max(1.0f - share, 0.0f), left);
+        return m;
+      };
       const auto passed_lights = [&](B m, const V& light) {
         if (!guide) emission += select(m, light * left, V(F(0.0f)));
       };
-      V tint(F(1.0f));
       I smooth(0);
       const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, Bend<W>& bend) {
         const F presence = rows(kPresence);
@@ -328,20 +366,33 @@ class FirstHitTask {
         left = select(here, left * (1.0f - presence), left);
         return hit & (left > F(0.0f));
       };
-      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time, std::ref(passed_lights), std::ref(seen));
+      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time, std::ref(passed_lights),
+             std::ref(cross_volumes), std::ref(seen));
       // Add in the order of the samples, so that the result does not depend on the lane count.
       for (int i = 0; i < W && at + i < slots; ++i) {
-        const float own[6] = {albedo.x[i], albedo.y[i], albedo.z[i], emission.x[i], emission.y[i], emission.z[i]};
-        for (int c = 0; c < 6; ++c) sums[c] += own[c];
+        const float own[kSums] = {albedo.x[i],  albedo.y[i],  albedo.z[i],  emission.x[i], emission.y[i],    emission.z[i],
+                                  opacity.x[i], opacity.y[i], opacity.z[i], depth[i],      depth_weight[i]};
+        for (int c = 0; c < kSums; ++c) sums[c] += own[c];
         if (index[i] != kFilteredSamples - 1) continue;
         const size_t p = pixel_of(x[i], y[i]);
         for (int c = 0; c < 3; ++c) {
           if (!first.empty()) first[3 * p + c] = float(sums[c] / kFilteredSamples);
           if (!second.empty()) second[3 * p + c] = float(sums[3 + c] / kFilteredSamples);
+          if (!guide && !planes_.volume_opacity.empty())
+            planes_.volume_opacity[3 * p + c] = float(sums[6 + c] / kFilteredSamples);
         }
+        if (!guide && !planes_.volume_depth.empty())
+          planes_.volume_depth[p] = sums[10] > 0 ? float(sums[9] / sums[10]) : std::numeric_limits<float>::infinity();
         for (double& s : sums) s = 0;
       }
     }
+  }
+
+  // Depth of points of the rays, in scene units: `distance` and the result are multiplied by `weight`.
+  F along_axis(const Rays<W>& ray, F distance, F weight) const {
+    const Affine<float>& c = at_frame_.world_from_camera;
+    const V z{F(c.z.x), F(c.z.y), F(c.z.z)};
+    return -(dot(ray.o - V{F(c.o.x), F(c.o.y), F(c.o.z)}, z) * weight + dot(ray.d, z) * distance) * float(unit_);
   }
 
   // Pixels are counted on the film, but by the camera on the frame that contains it.
@@ -350,11 +401,13 @@ class FirstHitTask {
   I frame_y(const int32_t* y) const { return load<W>(y) + I(scene_.camera.pixels.y); }
 
   // Follows the rays from surface to surface. `light(lanes, L)`: L comes from lights and domes hit before the next surface;
-  // `surface(lanes, ...)` returns the lanes that look through the surface, and may bend them. Compiled once for both kinds of
-  // samples, which halves a long compilation.
+  // `cross(lanes, way, vertex)`, if there are volumes, returns the lanes that reach it; `surface(lanes, ...)` returns the lanes
+  // that look through the surface, and may bend them. Compiled once for all kinds of samples, which halves a long compilation.
   using Light = std::function<void(B, const V&)>;
+  using Cross = std::function<B(B, const WayToHit<W>&, I)>;
   using Surface = std::function<B(B, const Hits<W>&, const Interaction<W>&, const SurfaceRows<W>&, Bend<W>&)>;
-  [[gnu::noinline]] void follow(B active, const CameraRay<W>& from, F time, const Light& light, const Surface& surface) const {
+  [[gnu::noinline]] void follow(B active, const CameraRay<W>& from, F time, const Light& light, const Cross& cross,
+                                const Surface& surface) {
     PathLanes<W> p;
     p.ray = {from.o, from.d, from.tnear, from.tfar, time};
     p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f));
@@ -362,20 +415,27 @@ class FirstHitTask {
     p.cone_width = F(at_frame_.cone_width()), p.cone_spread = F(at_frame_.cone_spread());
     p.slot = p.depth = p.vertex = I(0), p.link = I(kUnlinkedRow);
     B direct(true);
+    const bool follows_volumes = cross && volumes_.any();
+    WayToHit<W> way;
+    if (follows_volumes) way.sets = volumes_.camera_sets(), way.origin_distance = F(0.0f);
     for (int layer = 0; layer < kMostLayers && any(active); ++layer) {
       const Hits<W> hits = intersect(scene_, true, active, p.ray);
       B hit = active & (hits.geom != I(-1));
       V gathered(F(0.0f));
-      const B covered = intersect_lights(scene_.lights, active, hit, p, hits.t, gathered).covered;
-      hit &= !covered;
+      const LightHits<W> light_hits = intersect_lights(scene_.lights, active, hit, p, hits.t, gathered);
+      const B covered = light_hits.covered;
+      if (follows_volumes) active = cross_volumes(active, hit, hits, light_hits, p, way, cross);
+      hit &= active & !covered;
       const B escaped = active & !hit & !covered;
       if (!scene_.lights.domes.empty() && any(escaped))
         gathered += select(escaped, evaluate_domes(scene_.lights, escaped, p), V(F(0.0f)));
       light(active, gathered);
       if (!any(hit)) return;
       Interaction<W> it = interact(scene_, hit, p.ray, hits);
-      B hidden = bounds_volume(scene_, hit, it.surface);  // light passes, and what is inside has no first hit
+      const B bounds = bounds_volume(scene_, hit, it.surface);  // light passes
+      B hidden = bounds;
       hit &= !hidden;
+      if (follows_volumes) volumes_.cross(bounds, hits, it, p.ray.d, way.sets);
       if (scene_.camera_visibility.any()) {
         hidden |= scene_.camera_visibility.lanes_with(CameraVisibility::kHidden, hit & direct, it.surface);
         hit &= !(hidden | scene_.camera_visibility.lanes_with(CameraVisibility::kMatte, hit & direct, it.surface));
@@ -391,16 +451,29 @@ class FirstHitTask {
       if (!any(active)) return;
       // Continue beyond the surface, as paths pass straight through it, or reflected.
       const F side = copysign(F(1.0f), dot(it.ng, bend.d));
-      const V o = it.p + it.ng * (it.offset * side);
-      const F gone = dot(it.p - p.ray.o, p.ray.d);
+      const V o = select(bounds, p.ray.o, it.p + it.ng * (it.offset * side));
+      const F gone = select(bounds, F(0.0f), dot(it.p - p.ray.o, p.ray.d));
       p.travelled += gone;
       p.cone_width += p.cone_spread * gone;
       p.ray.tfar = select(bend.lanes, F(kInfinity), p.ray.tfar - dot(o - p.ray.o, p.ray.d));
-      p.ray.tnear = F(0.0f);
+      // Boundaries of volumes are passed without an offset, as by paths (integrator/camera_visibility.hpp).
+      p.ray.tnear = select(bounds, behind_boundary(hits.t, it.offset), F(0.0f));
+      if (follows_volumes) way.origin_distance = select(bounds, -hits.t, F(0.0f));
       p.ray.o = o, p.ray.d = bend.d;
+      p.vertex += I(1);
       direct &= !bend.lanes;
       active &= p.ray.tfar > F(0.0f);
     }
+  }
+
+  // Calls `cross` for the way of the rays up to what they hit; returns the lanes that get there.
+  B cross_volumes(B active, B hit, const Hits<W>& hits, const LightHits<W>& lights, const PathLanes<W>& p, WayToHit<W>& way,
+                  const Cross& cross) {
+    way.ray = p.ray, way.closed = hit | (p.ray.tfar < F(kInfinity));
+    way.end = select(hit, hits.t, p.ray.tfar), way.light = select(lights.covered, lights.nearest, F(kInfinity));
+    if (scene_.interiors.has_bounded() && any(hit))
+      volumes_.enter_missed_before(hit, hits, interact(scene_, hit, p.ray, hits), p.ray.d, way.sets);
+    return active & cross(active, way, p.vertex);
   }
 
   static void put(std::vector<float>& plane, size_t p, const V& v, int i) {
@@ -495,6 +568,7 @@ class FirstHitTask {
   Camera center_;                 // without lens and filter
   const F time_;
   const double unit_;
+  FirstHitVolumes<W> volumes_;
 };
 
 // Fills the pixels of a rectangle.

@@ -72,9 +72,6 @@ PRIMRAY_RARE void scatter_lit(Round& round, vbool<W> scatters, const PathLanes<W
   });
 }
 
-// Number that selects the dimensions of a fog's collision and of its emission, beyond those of all vertices.
-constexpr int kFogDimensions = 1 << 24;
-
 // Samples the distance at which paths collide with the fog: shortens `end` to it, and returns the lanes for which it is
 // shorter. Fog that only absorbs is taken into account by `p.beta`.
 template <int W>

@@ -9,6 +9,9 @@
 
 namespace primray {
 
+// Number that selects the dimensions of a fog's collision and of its emission, beyond those of all vertices.
+constexpr int kFogDimensions = 1 << 24;
+
 // (1 - e^-x) / x for x >= 0.
 template <int W>
 PRIMRAY_INLINE vfloat<W> mean_of_exp(vfloat<W> x) {

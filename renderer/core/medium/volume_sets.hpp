@@ -50,6 +50,7 @@ class VolumeSets {
     return true;
   }
 
+  std::span<const VolumeObject> objects(int32_t set) const { return sets_[size_t(set)]; }
   // Index of the rows of sets `set`.
   template <int W>
   static PRIMRAY_INLINE vint<W> row_of(vint<W> set, vbool<W> from_camera) {

@@ -32,6 +32,7 @@ class SceneRecord:
     curved: list[tuple[int, str]] = field(default_factory=list)
     # Each placement of the core: its levels' names, and the rows kept of them; None: all.
     placements: list[tuple[Levels, Numbers | None]] = field(default_factory=list)
+    media: list[tuple[str, str]] = field(default_factory=list)  # paths of each volume in a grid, and of its material
     primvar_names: dict[str, int] = field(default_factory=dict)  # the core's numbers
     primvar_widths: dict[str, int] = field(default_factory=dict)  # the largest width on any shape
 

@@ -112,6 +112,8 @@ def upload_scene(
         from .volume_upload import VolumeUpload
 
         VolumeUpload(builder, warnings).add(d.media, d.volume_emissions)
+        if record is not None:
+            record.media = [(medium.path, medium.material) for medium in d.media]
     if d.fog is not None:
         builder.set_fog(fog_input(d.fog))
     if d.exposure is not None:

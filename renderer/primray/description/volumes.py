@@ -47,6 +47,7 @@ class VolumeMedium:
     matrices: Doubles  # (N, 4, 4) world_from_index, one for each instance, at the frame
     motion: MatrixMotion | None = None  # of the instances
     blur: VelocityBlur | None = None  # of `grid`, and of `albedo_grid` with it
+    material: str = ""  # path of the bound material
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

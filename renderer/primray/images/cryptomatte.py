@@ -28,6 +28,7 @@ MASK = 0xFFFFFFFF
 UNIT = 1 << 24  # share of a whole sample
 NOTHING = 1e-6  # negligible coverage of a pixel
 LIGHTS = "lights"
+FOG = "fog"
 
 
 @dataclass(frozen=True)
@@ -181,24 +182,41 @@ class _Names:
     """Names of the core's numbers: for each entry, an index into a list of names."""
 
     def __init__(self, scene: core.CoreScene, what: npt.NDArray[np.int32], assets: Mapping[str, str]) -> None:
-        assert scene.record is not None
-        self._ids = Ids(scene, scene.record, scene.record.names)
+        record = scene.record
+        assert record is not None
+        self._ids = Ids(scene, record, record.names)
         self._assets = assets
-        self._rows: dict[str, Values] = {"prim": what[:, 0], "material": what[:, 1], "instance": what[:, 2]}
-        if (what[:, 3] >= 0).any():
-            self._rows["outer"] = what[:, 3]
+        # Entries without a shape are media of grids by their numbers, and the fog.
+        self._in_air = what[:, 0] == -1
+        self._media = [*record.media, (FOG, "")]
+        self._medium = np.where(what[:, 1] == 0, what[:, 2], len(record.media))[self._in_air]
+        shapes = np.where(self._in_air[:, None], -1, what)
+        self._rows: dict[str, Values] = {"prim": shapes[:, 0], "material": shapes[:, 1], "instance": shapes[:, 2]}
+        if (shapes[:, 3] >= 0).any():
+            self._rows["outer"] = shapes[:, 3]
 
     def crypto_object(self) -> tuple[npt.NDArray[np.int64], Names]:
         """Return names that are prim paths; in an instance, its name and the prim's path."""
         prims, instances = self._ids.prim(self._rows), self._ids.instance(self._rows)
-        return self._pairs(prims, instances, lambda prim, instance: f"{instance}|{prim}" if instance else prim)
+        found = self._pairs(prims, instances, lambda prim, instance: f"{instance}|{prim}" if instance else prim)
+        return self._with_media(found, [self._ids.named(path) for path, _ in self._media])
 
     def crypto_material(self) -> tuple[npt.NDArray[np.int64], Names]:
-        return _listed(self._ids.material(self._rows))
+        named = [self._ids.named(material) or NONE for _, material in self._media]
+        return self._with_media(_listed(self._ids.material(self._rows)), named)
 
     def crypto_asset(self) -> tuple[npt.NDArray[np.int64], Names]:
         prims, instances = self._ids.prim(self._rows), self._ids.instance(self._rows)
-        return self._pairs(prims, instances, lambda prim, instance: instance or self._assets.get(prim, prim))
+        found = self._pairs(prims, instances, lambda prim, instance: instance or self._assets.get(prim, prim))
+        return self._with_media(found, [self._assets.get(path, self._ids.named(path)) for path, _ in self._media])
+
+    def _with_media(self, found: tuple[npt.NDArray[np.int64], Names], names: Names) -> tuple[npt.NDArray[np.int64], Names]:
+        """Return the places and names with those of the media, of which there is one name each."""
+        if not self._in_air.any():
+            return found
+        places = found[0].copy()
+        places[self._in_air] = len(found[1]) + self._medium
+        return places, [*found[1], *names]
 
     def _pairs(self, prims: Named, instances: Named, name: Callable[[str, str], str]) -> tuple[npt.NDArray[np.int64], Names]:
         both = np.stack([prims[0].astype(np.int64), instances[0].astype(np.int64)], axis=1)

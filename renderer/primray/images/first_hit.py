@@ -145,6 +145,10 @@ class Ids:
         ids[rows >= 0] = numbers[rows[rows >= 0]]
         return ids, _seen(ids, lambda n: paths[n - 1])
 
+    def named(self, path: str) -> str:
+        """Return the name that is shown for the path of a prim or material."""
+        return self._names.get(path, path)
+
     def _named(self, paths: Sequence[str]) -> Sequence[str]:
         return [self._names.get(path, path) for path in paths] if self._names else paths
 

@@ -147,11 +147,13 @@ def _prepare(
     if description.aovs and stage.GetPrototypes():  # all instances may have been turned into copies
         assert scene.record is not None
         record = scene.record
-        record.names = usd.names_in_instances(stage, record.shape_paths, record.surface_paths, description.instances)
+        shown = [*record.shape_paths, *(path for path, _ in record.media)]
+        materials = [*record.surface_paths, *(material for _, material in record.media)]
+        record.names = usd.names_in_instances(stage, shown, materials, description.instances)
     assets: dict[str, str] = {}
     if any(request.source == "crypto_asset" for request in description.aovs):
         assert scene.record is not None
-        assets = usd.assets_of(stage, scene.record.shape_paths)
+        assets = usd.assets_of(stage, [*scene.record.shape_paths, *(path for path, _ in scene.record.media)])
     prepared = Prepared(
         scene=scene,
         settings=settings,

@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 from pxr import Usd
+from tests.images.test_volumes import CAMERA, SKY
+from tests.unit.usd.volumes.volume_text import grid, volume_text, write
 
 import primray
 from primray.checkpoints import aov_data
@@ -18,6 +20,7 @@ from primray.images import cryptomatte
 FEATURES = Path(__file__).resolve().parents[3] / "scenes" / "features"
 FIELD = str(FEATURES / "point-instancer" / "scene.usda")
 GLASS = str(FEATURES / "glass" / "scene.usda")
+VOLUMES = ("volume_opacity", "volume_depth", "volume_direct", "guide_albedo")
 MATTES = ("crypto_object", "crypto_material", "crypto_asset")
 ASKED = ("depth", "C<RD>[LO]", "albedo", "position", "prim", "samples", *MATTES, "C<R[GS]>.*")
 HERE: dict[str, Any] = {"resolution": (48, 32), "progress": False, "seed": 3}
@@ -47,6 +50,18 @@ def _are_alike(a: primray.Image, b: primray.Image) -> None:
         if aov.errors is not None and other.errors is not None:
             assert aov.errors.tobytes() == other.errors.tobytes(), name
     assert not [row for row in a.report["diagnostics"] if row["code"] == "aovs-not-merged"]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_volumes_in_parts_are_those_of_one_render(tmp_path: Path) -> None:
+    write(tmp_path, grid(0.25), grid((0.1, 0.2, 0.3), name="emission", kind="vec3s"))
+    stage = tmp_path / "smoke.usda"
+    stage.write_text(f"#usda 1.0\n{SKY}{CAMERA}{volume_text({'density': '', 'emission': ''})}")
+    asked: dict[str, Any] = {"stage": str(stage), "aovs": (*VOLUMES, *MATTES), "aov_errors": True}
+    one = primray.render(asked["stage"], spp=12, **HERE, aovs=asked["aovs"], aov_errors=True)
+    files = [_part(tmp_path / f"{a}.prc", a, b, **asked) for a, b in ((4, 8), (0, 4), (8, 12))]
+    _are_alike(merge(files).image, one)
+    _are_alike(primray.render(asked["stage"], spp=12, **HERE, aovs=asked["aovs"], aov_errors=True, threads=1), one)
 
 
 def test_merged_ones_are_those_of_one_render(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from ...aovs import (
     LABELS,
     LIGHT_PATH,
     LONGEST_NAME,
+    NAMED_LIGHT_PATHS,
     PRIMVAR,
     AovRequest,
     check_names,
@@ -44,6 +45,7 @@ COMMON: dict[str, tuple[str, ...]] = {
     "albedo": ("Albedo",),
     "occlusion": ("ao", "AO", "ambientOcclusion", "AmbientOcclusion", "ambient_occlusion", "Occlusion", "occ"),
     "emission": ("Emission", "emissive"),
+    "volume_depth": ("volume_Z", "volumeZ"),
     "guide_albedo": ("denoise_albedo",),
     "guide_normal": ("denoise_normal",),
     "motion_forward": ("motionFore",),
@@ -60,6 +62,12 @@ CRYPTO = {  # as Arnold, RenderMan and Karma call them
 }
 NAMES = {name: source for source in AOVS for name in (source, *COMMON.get(source, ()))}
 NAMES |= {name: source for source in CRYPTOMATTES for name in (source, *CRYPTO[source])}
+OF_PATHS = {  # as Cycles and Karma call them
+    "volume": ("combinedvolume",),
+    "volume_direct": ("VolumeDir", "directvolume"),
+    "volume_indirect": ("VolumeInd", "indirectvolume"),
+}
+NAMES |= {name: LIGHT_PATH + path for own, path in NAMED_LIGHT_PATHS.items() for name in (own, *OF_PATHS[own])}
 # Light path expressions that select all light, the picture.
 LPE_BEAUTY = frozenset({"C.*", "C.*[LO]", "C.*<[LO].>", "C[.]*[LO]", "C.*[<L.>O]", "C.*[<L.><O.>]"})
 
@@ -173,7 +181,8 @@ def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
         return _labels(name.removeprefix("semantics:labels:").removeprefix(LABELS), var, diagnostics)
     if name.startswith(("primvars:", PRIMVAR)):
         return _primvar(name.removeprefix("primvars:").removeprefix(PRIMVAR), var, diagnostics)
-    message = f"There is no output named {name}{_hint(name)}; there are {', '.join((*AOVS, *CRYPTOMATTES))} and primvars."
+    known = ", ".join((*AOVS, *NAMED_LIGHT_PATHS, *CRYPTOMATTES))
+    message = f"There is no output named {name}{_hint(name)}; there are {known} and primvars."
     diagnostics.add("render-var", var.path, message, "sourceName")
     return None
 

@@ -88,6 +88,7 @@ class VolumeMaker:
     instances: Doubles  # (N, 4, 4) world_from_group
     path: str
     ctx: Context
+    material: str = ""  # path of the bound material
     placed: list[tuple[Doubles, Field]] = field(default_factory=list)  # matrices of volumes, and the fields that they are of
     _invalid: int = field(default=0)  # values that were not finite
 
@@ -154,6 +155,7 @@ class VolumeMaker:
                     albedo=_triple(albedo),
                     anisotropy=0.0 if lobe is None else self._anisotropy(lobe, found, None),
                     matrices=self._placed(found),
+                    material=self.material,
                 )
 
     def _anisotropy(self, lobe: Lobe, base: Field, domain: Domain | None) -> float:
@@ -222,6 +224,7 @@ class VolumeMaker:
                 albedo_grid=albedos,
                 anisotropy=anisotropy,
                 matrices=placed,
+                material=self.material,
             )
 
     def _domain(self, operands: Sequence[Operand], what: str) -> tuple[Domain, bool]:

@@ -40,7 +40,14 @@ def add_volume(
         ctx.warn("volume-field", leaf.path, "It has no field that can be read: it is not rendered.")
         return
     coefficients = coefficients_of(leaf.material, fields, leaf.path, ctx)
-    maker = VolumeMaker(coefficients=coefficients, fields=fields, instances=placed, path=leaf.path, ctx=ctx)
+    maker = VolumeMaker(
+        coefficients=coefficients,
+        fields=fields,
+        instances=placed,
+        path=leaf.path,
+        ctx=ctx,
+        material="" if leaf.material is None else str(leaf.material.GetPath()),
+    )
     try:
         try:
             media, emissions = list(maker.media()), list(maker.emissions())
