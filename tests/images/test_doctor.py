@@ -8,6 +8,7 @@ from typing import Any
 
 import OpenImageIO as oiio
 import pytest
+from tests.unit.usd.volumes.volume_text import grid, volume_text, write
 
 from primray.cli import run
 
@@ -252,6 +253,45 @@ def Sphere "ball" (prepend apiSchemas = ["MaterialBindingAPI"])
     facts = doctor(tmp_path, head(16) + text + cube("left", 2, -1.3) + cube("right", 2, 1.1), capsys, *LONGER)
     told = found(facts)["hot-spot"]
     assert told["prims"] == ["/ball", "/glass"]
+
+
+def test_the_volume_that_has_the_noise(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """White smoke with a bright lamp in it, and a cube that the sky lights."""
+    write(tmp_path, grid(0.5))
+    look = """def Material "Look"
+{
+    token outputs:arnold:volume.connect = </Look/Shader.outputs:out>
+    def Shader "Shader"
+    {
+        uniform token info:id = "arnold:standard_volume"
+        color3f inputs:scatter_color = (1, 1, 1)
+        token outputs:out
+    }
+}
+def SphereLight "lamp"
+{
+    float inputs:radius = 0.1
+    float inputs:intensity = 3000
+}
+"""
+    placed = """
+    double3 xformOp:translate = (-3.5, -3.5, -3.5)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+"""
+    text = head(16) + DOME + look + volume_text(None, placed, bound="/Look") + cube("left", 2, -5)
+    facts = doctor(tmp_path, text, capsys, *LONGER)
+    told = found(facts)["noisy-volume"]
+    assert told["prims"] == ["/Smoke"]
+    assert told["share"] > 0.5
+    assert "max-depth" in told["advice"]
+    assert "hot-spot" not in found(facts)
+
+
+def test_a_picture_of_smoke_alone_is_not_empty(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, grid(0.5))
+    facts = doctor(tmp_path, head(24) + DOME + volume_text(), capsys)
+    assert facts["picture"]["hit_share"] == 0
+    assert not {"small-in-view", "camera-sees-nothing", "nothing-drawn", "unlit"} & set(found(facts))
 
 
 def test_what_setting_up_takes_its_time_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

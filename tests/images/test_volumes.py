@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -129,3 +130,67 @@ def test_kept_scenes_follow_edits_of_volumes(tmp_path: Path) -> None:
         assert not np.array_equal(pixels[-1], pixels[-2])
     finally:
         scene.close()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_density_factor_is_edited_in_no_time(tmp_path: Path) -> None:
+    """A cloud of two million voxels, of which an edit reads and uploads none."""
+    from primray.diagnostics import Diagnostics
+    from primray.incremental.scene import KeptStage
+    from primray.report.report import Costs
+    from primray.settings import RenderSettings
+    from primray.usd import open_stage
+
+    rng = np.random.default_rng(1)
+    every = np.ones(512, bool)
+    leaves = {(8 * x, 8 * y, 8 * z): vdb.Leaf(rng.random(512), every) for x in range(16) for y in range(16) for z in range(16)}
+    write(tmp_path, vdb.Grid(name="density", leaves=leaves))
+    path = tmp_path / "stage.usda"
+    path.write_text(f"#usda 1.0\n{SKY}{CAMERA}{volume_text(bound='/Look')}{look('float inputs:density = 1')}")
+    stage, settings = open_stage(str(path), Diagnostics()), RenderSettings(resolution=(32, 32), spp=1)
+    kept = KeptStage(stage, settings)
+    kept.prepare(settings, Costs(), Diagnostics())
+    density = stage.GetPrimAtPath("/Look/Shader").GetAttribute("inputs:density")
+    took = []
+    for value in (2.0, 3.0, 4.0):
+        density.Set(value)
+        began = time.process_time()
+        kept.prepare(settings, Costs(), Diagnostics())
+        took.append(time.process_time() - began)
+    assert min(took) <= 0.05, took
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_inspect_lists_volumes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from primray.cli import run
+
+    write(tmp_path, grid(0.25), grid((0.1, 0.2, 0.3), name="emission", kind="vec3s"))
+    path = tmp_path / "stage.usda"
+    path.write_text(f"#usda 1.0\n{SKY}{CAMERA}{volume_text({'density': '', 'emission': ''})}")
+    (found,) = primray.inspect(str(path))["volumes"]
+    assert (found["path"], found["instances"]) == ("/Smoke", 1)
+    assert [(g["name"], g["voxels"], g["size"]) for g in found["grids"]] == [
+        ("density", 512, [8, 8, 8]),
+        ("emission", 512, [8, 8, 8]),
+    ]
+    assert found["grids"][1]["bytes"] > 3 * 512 * 4
+    assert run(["inspect", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert "/Smoke: density 512 voxels in 8 x 8 x 8, 0.0 MiB; emission 512 voxels in 8 x 8 x 8" in out
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_estimate_counts_grids(tmp_path: Path) -> None:
+    """The bytes of the grids, twice, are part of the estimate that the limit of memory is compared with."""
+    write(tmp_path, grid(0.25))
+    path = tmp_path / "stage.usda"
+    path.write_text(f"#usda 1.0\n{SKY}{CAMERA}{volume_text()}")
+    facts = primray.inspect(str(path))
+    path.write_text(f"#usda 1.0\n{SKY}{CAMERA}")
+    plain = primray.inspect(str(path))
+    more = facts["counts"]["memory_bytes"] - plain["counts"]["memory_bytes"]
+    assert more >= 2 * facts["volumes"][0]["grids"][0]["bytes"]
+    write(tmp_path, grid(0.25))
+    path.write_text(f"#usda 1.0\n{SKY}{CAMERA}{volume_text()}")
+    cost = primray.estimate(str(path), [0.05], resolution=(16, 16), pilot_seconds=0.1)
+    assert cost.predictions[0].seconds is not None

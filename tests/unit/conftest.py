@@ -182,6 +182,9 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         ImageSize=ImageSize,
         counts=asdict,
         primvar_names=lambda description: {"st": 2},
+        volume_facts=lambda description: [
+            {"path": "/smoke", "instances": 2, "grids": [{"name": "density", "voxels": 7, "size": [1, 2, 3], "bytes": 2**20}]}
+        ],
         motion_facts=lambda description: None,
         texture_sizes=lambda description, read: {"/no/such.png": None},
     )

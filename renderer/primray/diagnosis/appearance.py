@@ -43,7 +43,7 @@ def _view(seen: Examined) -> Iterator[Finding]:
         said = f"No ray of {camera} hits anything. {why_empty(seen.prepared, seen.image.pixels, seen.diagnostics)}"
         advice = "Use another camera (--camera), or let --auto-camera frame the stage."
         yield Finding(question=Question.EMPTY, code="camera-sees-nothing", message=said, advice=advice, prims=here, share=1.0)
-    elif share < SMALL_SHARE:
+    elif share < SMALL_SHARE and seen.volume_share < SMALL_SHARE:
         depth = seen.image.aovs["depth"].values[..., 0]
         nearest = float(depth.min(initial=np.inf, where=np.isfinite(depth)))
         diameter = float(np.linalg.norm(np.subtract(bounds[1], bounds[0])))
@@ -102,7 +102,7 @@ def find_dark(seen: Examined) -> Iterator[Finding]:
     elif not seen.prepared.lights and not glows:
         advice = "Add a light (a DomeLight is the simplest), or omit --studio-light off."
         yield Finding(Question.DARK, "no-light", "There is no light, and nothing is emissive.", advice)
-    elif seen.hit_share > 0 and not pixels[..., :3].any():
+    elif (seen.hit_share > 0 or seen.volume_share > 0) and not pixels[..., :3].any():
         said = "What the camera sees is black, though there are lights: none reaches it, or its materials reflect nothing."
         yield Finding(
             Question.DARK,

@@ -15,8 +15,10 @@ import numpy.typing as npt
 
 from .. import usd
 from ..aovs import requests_of
+from ..arrays import Doubles
 from ..description import SceneDescription, Shape, Surface
 from ..diagnostics import Diagnostics
+from ..images.cryptomatte import FOG, UNIT, covered_names
 from ..images.image import Image
 from ..render import find_aovs, prepare
 from ..render.prepare import Steps, Textures
@@ -95,6 +97,26 @@ class Examined:
     def materials(self) -> npt.NDArray[np.uint32]:
         return self.image.aovs["material"].values[..., 0]
 
+    @cached_property
+    def volumes(self) -> dict[str, Doubles]:
+        """Fractions (H, W) of each pixel's samples that collide first in a volume, by the path of its prim ("fog": the fog)."""
+        description = self.description
+        paths = {medium.path for medium in description.media} | {s.volume.path for s in description.surfaces if s.volume}
+        if description.fog is not None:
+            paths.add(FOG)
+        if not paths:
+            return {}
+        counts, number, shares, names = covered_names(self.prepared.scene, ["crypto_object"], self.sampling, {})
+        pixel = np.repeat(np.arange(counts.size), counts.ravel())
+        whole = np.maximum(self.sampling.film.counts.sum(axis=0, dtype=np.int64).ravel(), 1) * float(UNIT)
+        found = {}
+        for path in sorted(paths):
+            own = [k for k, name in enumerate(names["crypto_object"]) if name == path or name.endswith(f"|{path}")]
+            is_own = np.isin(number, own)
+            sums = np.bincount(pixel[is_own], weights=shares[is_own].astype(np.float64), minlength=counts.size)
+            found[path] = (sums / whole).reshape(counts.shape)
+        return found
+
     def names(self, aov: str) -> dict[int, str]:
         return dict(self.image.aovs[aov].ids)
 
@@ -102,6 +124,11 @@ class Examined:
     def hit_share(self) -> float:
         """Fraction of the pixels whose centre sees a surface."""
         return float(np.mean(self.prims > 0))
+
+    @property
+    def volume_share(self) -> float:
+        """Fraction of the picture that shows volumes."""
+        return float(sum(cover.mean() for cover in self.volumes.values()))
 
 
 def bare_shapes(description: SceneDescription) -> list[str]:

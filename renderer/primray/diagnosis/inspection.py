@@ -35,7 +35,7 @@ def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> t
     """Return the facts, and the diagnostics that they list."""
     from .. import usd
     from ..render.prepare import open_once, with_additions, with_stage_settings
-    from ..report.summary import counts, motion_facts, primvar_names, summary, texture_sizes
+    from ..report.summary import counts, motion_facts, primvar_names, summary, texture_sizes, volume_facts
     from ..textures.coverage import note_missing_tiles
     from ..textures.texture_set import note_unreadable
 
@@ -62,6 +62,7 @@ def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> t
         "textures": [
             {"path": path, "size": size and [size.width, size.height, size.channels]} for path, size in textures.items()
         ],
+        "volumes": volume_facts(description),
         "primvars": primvar_names(description),
         "counts": counts(summary(description, settings.dicing_rate, sizes)),
         "diagnostics": [diagnostic.as_json() for diagnostic in diagnostics],

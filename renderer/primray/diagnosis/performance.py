@@ -16,6 +16,7 @@ import numpy as np
 
 from ..arrays import Doubles
 from ..description import LightType, Mesh, NurbsPatch, SubdivisionMesh
+from ..images.cryptomatte import FOG
 from ..process_memory import machine_bytes
 from ..report.picture_checks import weighed_errors
 from ..sampling.sampling import Sampling
@@ -174,6 +175,8 @@ MOST_LIGHTS = 8
 BUILDING_S = 4.0  # seconds to build all the scenes of one light each
 HOT = 2.0  # ratio of a prim's fraction of the error to its fraction of the pixels
 PART = 0.25  # least fraction of the error that is reported
+NOISY = 1.2  # ratio of a volume's fraction of the error to that of the picture
+BRIGHT, FEW_BOUNCES = 0.9, 4  # single-scattering albedo, scattering events
 FEW_PIXELS = 0.001
 FEW_HAVE = 0.5
 LONG_RENDER_S = 60.0
@@ -184,6 +187,7 @@ def find_noise(seen: Examined) -> Iterator[Finding]:
     part = error_parts(seen)
     if part is None or seen.pilot is None or seen.pilot.row.error.relmse.value <= ONE_PERCENT:
         return  # a picture this good has no noise to explain
+    yield from _volumes(seen, part)
     yield from _hot_spots(seen, part)
     yield from _fireflies(part)
     yield from _lights(seen, part)
@@ -222,7 +226,7 @@ def _time(seen: Examined) -> Iterator[Finding]:
 
 def _hot_spots(seen: Examined, part: Doubles) -> Iterator[Finding]:
     numbers = seen.prims.ravel()
-    errors = np.bincount(numbers, part.ravel())
+    errors = np.bincount(numbers, (part * (1 - sum(seen.volumes.values(), np.zeros(part.shape)))).ravel())
     pixels = np.bincount(numbers) / max(int(np.count_nonzero(numbers)), 1)  # fraction of the pixels on surfaces
     names, materials = seen.names("prim"), seen.names("material")
     for number in np.argsort(-errors)[:3].tolist():
@@ -237,6 +241,41 @@ def _hot_spots(seen: Examined, part: Doubles) -> Iterator[Finding]:
         yield Finding(
             question=Question.SLOW, code="hot-spot", message=f"{said}.", advice=advice, prims=prims, share=float(errors[number])
         )
+
+
+def _volumes(seen: Examined, part: Doubles) -> Iterator[Finding]:
+    """Yield the volume in which half of the error is, or a quarter that is more than its fraction of the picture.
+
+    The error of a pixel is divided among what its samples hit first.
+    """
+    errors = {path: float((part * cover).sum()) for path, cover in seen.volumes.items()}
+    worst = max(errors, key=lambda path: errors[path], default="")
+    if not errors or errors[worst] < min(MOST, max(PART, NOISY * float(seen.volumes[worst].mean()))):
+        return
+    share = errors[worst]
+    shown = float((seen.volumes[worst] > 0).mean())
+    said = f"The volume {worst} has {share:.0%} of the error; it is seen in {shown:.1%} of the picture."
+    yield Finding(
+        question=Question.SLOW,
+        code="noisy-volume",
+        message=said,
+        advice=_advice_on_volume(seen, worst),
+        prims=() if worst == FOG else (worst,),
+        share=share,
+    )
+
+
+def _advice_on_volume(seen: Examined, path: str) -> str:
+    """Return what makes a volume less noisy, by what it is."""
+    if any(emission.path == path for emission in seen.description.volume_emissions):
+        return "It emits light: a smoother emission field is less noisy, and --denoise removes most of the noise."
+    if path == FOG:
+        return "Lights that are larger, or fewer, make shafts less noisy; a smaller density, or --denoise, too."
+    albedo = max((max(medium.albedo) for medium in seen.description.media if medium.path == path), default=0.0)
+    depth = seen.prepared.settings.max_depth
+    if albedo > BRIGHT and (depth is None or depth > FEW_BOUNCES):
+        return "Light scatters in it many times: a smaller --max-depth or scattering colour, or --denoise, is faster."
+    return "Lights in or close to it should be larger; a smaller density, or --denoise, is faster."
 
 
 def _fireflies(part: Doubles) -> Iterator[Finding]:

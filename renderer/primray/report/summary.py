@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from ..settings import DEFAULT_DICING_RATE
 from ..tessellation.dice import estimated_triangles
 from ..tessellation.footprint import Footprint, footprints
 from ..textures.image_layout import read_header
+
+if TYPE_CHECKING:
+    from ..volumes.volume_grid import VolumeGrid
 
 # Peak bytes, fitted to measurements by `python -m tests.bench.setup.memory`. Arrays of the description are counted exactly,
 # twice because the core copies them; the constants below come on top.
@@ -149,6 +152,26 @@ def summary(
         process_bytes=PROCESS_BYTES + max(memory, VIEW_BYTES),
         memory_parts=parts,
     )
+
+
+def volume_facts(description: SceneDescription) -> list[dict[str, Any]]:
+    """Return the volumes in grids by path: their grids with active voxels, extent in voxels and bytes, and their instances.
+
+    Grids with the extinction, the albedo and the emission of a volume are listed once each.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for volume in description.volumes:
+        own = found.setdefault(volume.path, {"path": volume.path, "instances": 0, "grids": {}})
+        own["instances"] = max(own["instances"], len(volume.matrices))
+        for grid in (volume.grid, getattr(volume, "albedo_grid", None)):
+            if grid is not None:
+                own["grids"][id(grid)] = _grid_facts(grid)
+    return [{**own, "grids": list(own["grids"].values())} for own in found.values()]
+
+
+def _grid_facts(grid: VolumeGrid) -> dict[str, Any]:
+    size = None if grid.bounds is None else [int(n) for n in grid.bounds[1] - grid.bounds[0] + 1]
+    return {"name": grid.name, "voxels": int(grid.active_voxels), "size": size, "bytes": int(grid.nbytes)}
 
 
 def _grid_bytes(description: SceneDescription) -> int:

@@ -260,6 +260,7 @@ def test_inspect(pipeline: FakePipeline, capsys: pytest.CaptureFixture[str]) -> 
         "/i: 7 of 1 prototypes",
         "/m: cards",
         "/no/such.png: cannot be read",
+        "/smoke (2 instances): density 7 voxels in 1 x 2 x 3, 1.0 MiB",
     ]:
         assert text in out
     assert "render" not in pipeline.calls

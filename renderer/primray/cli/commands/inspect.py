@@ -53,6 +53,7 @@ def lines(facts: dict[str, Any], verbose: bool) -> list[str]:
         *_listed("light", [_light(light) for light in facts["lights"]], shown),
         *_listed("material", facts["materials"], shown),
         *_listed("texture", [_texture(texture) for texture in facts["textures"]], shown),
+        *_listed("volume", [_volume(volume) for volume in facts["volumes"]], shown),
         *_counted("primvars", facts["primvars"], "shape"),
         *_count_rows(facts["counts"]),
         ("fidelity", fidelity_text(facts["diagnostics"])),
@@ -144,6 +145,17 @@ def _light(light: dict[str, Any]) -> str:
 def _texture(texture: dict[str, Any]) -> str:
     size = texture["size"]
     return f"{texture['path']}: {'cannot be read' if size is None else '{} x {}, {} channels'.format(*size)}"
+
+
+def _volume(volume: dict[str, Any]) -> str:
+    grids = [
+        f"{grid['name']} {grid['voxels']:,} voxels"
+        + ("" if grid["size"] is None else " in {} x {} x {}".format(*grid["size"]))
+        + f", {grid['bytes'] / 2**20:,.1f} MiB"
+        for grid in volume["grids"]
+    ]
+    count = volume["instances"]
+    return f"{volume['path']}{f' ({count:,} instances)' if count > 1 else ''}: {'; '.join(grids)}"
 
 
 def _listed(name: str, texts: list[str], shown: int | None) -> Iterator[Row]:
