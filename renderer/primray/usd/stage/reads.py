@@ -312,4 +312,5 @@ def read_asset(path: str, most: int | None = None) -> bytes:
     with asset as opened:
         if most is not None and opened.GetSize() > most:
             raise AssetError(f"the asset has {opened.GetSize()} bytes, more than {most}", where=path, code="asset-missing")
-        return bytes(opened.GetBuffer())
+        buffer = opened.GetBuffer()
+    return b"" if buffer is None else bytes(buffer)  # an empty file has no buffer

@@ -26,3 +26,9 @@ def test_what_a_package_stores_is_read(tmp_path: Path) -> None:
 def test_what_a_package_compresses_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(AssetError, match="compressed files are not supported"):
         read_asset(packaged(tmp_path, zipfile.ZIP_DEFLATED))
+
+
+def test_an_empty_file_has_no_bytes(tmp_path: Path) -> None:
+    path = tmp_path / "empty.vdb"
+    path.write_bytes(b"")
+    assert read_asset(str(path)) == b""
