@@ -93,26 +93,56 @@ PRIMRAY_INLINE void clip_to_grid(const GridTable::Row& row, const GridRays<W>& r
   }
 }
 
-// Finds the volume that one ray enters after `last` (in the order of distances, then of instances) and before `end`.
-inline NextVolume<1> next_in_hierarchy(const GridTable& grids, const VolumePlacements& placed, const vvec3<1>& o,
-                                       const vvec3<1>& d, float begin, float end, float time, const NextVolume<1>& last) {
+// Number of volumes that one traversal of the hierarchy finds: by the first one for a ray, which may collide in one of them,
+// and by later ones at most; each finds four times as many as the one before. Traversals that began again after each volume
+// would take time with the square of the number of volumes that overlap.
+constexpr int kFirstFound = 4, kMostFound = 64;
+
+// Volume that one ray enters.
+struct EnteredVolume {
+  int32_t instance;
+  float from, to;
+
+  // Order along rays: by distance, then by instance.
+  bool is_before(const EnteredVolume& other) const {
+    return from < other.from || (from == other.from && instance < other.instance);
+  }
+};
+
+// Finds the volumes that one ray enters after `last` (null: from `begin` on) and before `end`: the nearest `most` of them, in
+// order. Returns their number.
+inline int find_in_hierarchy(const GridTable& grids, const VolumePlacements& placed, const vvec3<1>& o, const vvec3<1>& d,
+                             float begin, float end, float time, const EnteredVolume* last, int most, EnteredVolume* found) {
   const float origin[3] = {o.x[0], o.y[0], o.z[0]}, way[3] = {d.x[0], d.y[0], d.z[0]};
-  NextVolume<1> found{vint<1>(-1), vfloat<1>(end), vfloat<1>(end)};
-  int32_t stack[64];
-  int size = 0;
-  stack[size++] = 0;
-  while (size > 0) {
-    const VolumePlacements::Node& node = placed.nodes[size_t(stack[--size])];
-    float from = begin, to = found.from[0];
+  float inverse[3];
+  for (int a = 0; a < 3; ++a) inverse[a] = 1.0f / (std::fabs(way[a]) < 1e-18f ? std::copysign(1e-18f, way[a]) : way[a]);
+  int count = 0;
+  // Returns where the ray enters a node, or infinity if it misses it or if enough volumes are nearer.
+  const auto entry = [&](const VolumePlacements::Node& node) {
+    float from = begin, to = count == most ? found[most - 1].from : end;
     for (int a = 0; a < 3; ++a) {
-      const float inverse = 1.0f / (std::fabs(way[a]) < 1e-18f ? std::copysign(1e-18f, way[a]) : way[a]);
-      const float low = (node.low[a] - origin[a]) * inverse, high = (node.high[a] - origin[a]) * inverse;
+      const float low = (node.low[a] - origin[a]) * inverse[a], high = (node.high[a] - origin[a]) * inverse[a];
       from = std::max(from, std::min(low, high)), to = std::min(to, std::max(low, high));
     }
     // Boxes are a little larger than what they hold, but the distances to them are rounded too.
-    if (!(from <= to * 1.00001f)) continue;
+    return from <= to * 1.00001f ? from : INFINITY;
+  };
+  struct Entry {
+    int32_t node;
+    float from;
+  } stack[64];
+  int size = 0;
+  if (const float from = entry(placed.nodes[0]); from < INFINITY) stack[size++] = {0, from};
+  while (size > 0) {
+    const Entry at = stack[--size];
+    if (count == most && !(at.from <= found[most - 1].from * 1.00001f)) continue;
+    const VolumePlacements::Node& node = placed.nodes[size_t(at.node)];
     if (node.count == 0) {
-      stack[size++] = node.first + 1, stack[size++] = node.first;
+      Entry near{node.first, entry(placed.nodes[size_t(node.first)])};
+      Entry far{node.first + 1, entry(placed.nodes[size_t(node.first) + 1])};
+      if (far.from < near.from) std::swap(near, far);
+      if (far.from < INFINITY) stack[size++] = far;
+      if (near.from < INFINITY) stack[size++] = near;
       continue;
     }
     for (int32_t k = node.first; k < node.first + node.count; ++k) {
@@ -120,16 +150,18 @@ inline NextVolume<1> next_in_hierarchy(const GridTable& grids, const VolumePlace
       const GridTable::Row& row = grids.rows[size_t(placed.grid[size_t(i)])];
       vfloat<1> enters(begin), leaves(end);
       clip_to_grid(row, GridRays<1>(placed, vbool<1>(true), vint<1>(i), o, d, vfloat<1>(time)), enters, leaves);
-      const float t = enters[0], of_last = last.from[0];
-      const bool after = last.instance[0] < 0 || t > of_last || (t == of_last && i > last.instance[0]);
-      const bool before = t < found.from[0] || (t == found.from[0] && found.instance[0] >= 0 && i < found.instance[0]);
-      if (t < leaves[0] && after && before) found = {vint<1>(i), enters, leaves};
+      const EnteredVolume volume{i, enters[0], leaves[0]};
+      if (!(volume.from < volume.to) || (last && !last->is_before(volume))) continue;
+      if (count == most && !volume.is_before(found[most - 1])) continue;
+      int place = count < most ? count++ : most - 1;
+      for (; place > 0 && volume.is_before(found[place - 1]); --place) found[place] = found[place - 1];
+      found[place] = volume;
     }
   }
-  return found;
+  return count;
 }
 
-// Finds the volumes that rays of lanes `m` enter after `last` and before `end`.
+// Finds the volumes that rays of lanes `m` enter after `last` and before `end`, of a few volumes.
 template <int W>
 PRIMRAY_RARE NextVolume<W> next_volume(const GridTable& grids, const VolumePlacements& placed, vbool<W> m, const vvec3<W>& o,
                                        const vvec3<W>& d, vfloat<W> begin, vfloat<W> end, vfloat<W> time,
@@ -137,20 +169,6 @@ PRIMRAY_RARE NextVolume<W> next_volume(const GridTable& grids, const VolumePlace
   using F = vfloat<W>;
   using I = vint<W>;
   NextVolume<W> found{I(-1), end, end};
-  if (placed.size() > kFewVolumes) {
-    alignas(64) int32_t instance[W];
-    alignas(64) float from[W], to[W];
-    for (int k = 0; k < W; ++k) {
-      instance[k] = -1, from[k] = to[k] = 0.0f;
-      if (!m[k]) continue;
-      const vvec3<1> origin{vfloat<1>(o.x[k]), vfloat<1>(o.y[k]), vfloat<1>(o.z[k])};
-      const vvec3<1> way{vfloat<1>(d.x[k]), vfloat<1>(d.y[k]), vfloat<1>(d.z[k])};
-      const NextVolume<1> one = next_in_hierarchy(grids, placed, origin, way, begin[k], end[k], time[k],
-                                                  {vint<1>(last.instance[k]), vfloat<1>(last.from[k]), vfloat<1>(0.0f)});
-      instance[k] = one.instance[0], from[k] = one.from[0], to[k] = one.to[0];
-    }
-    return {load<W>(instance), load<W>(from), load<W>(to)};
-  }
   for (int32_t i = 0; i < int32_t(placed.size()); ++i) {
     const GridTable::Row& row = grids.rows[size_t(placed.grid[size_t(i)])];
     vbool<W> near = m;

@@ -11,7 +11,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.described import describe, ground, lambert, light, look_at, orthographic, perspective, rotation, scaling, translation
+from tests.described import (
+    describe,
+    ground,
+    lambert,
+    light,
+    look_at,
+    orthographic,
+    perspective,
+    render,
+    rotation,
+    scaling,
+    translation,
+)
 from tests.images.volumes.voxels import (
     TOLERANCE,
     Array,
@@ -227,6 +239,20 @@ def test_thousands_of_instances() -> None:
     places = [translation(12.0 * x, 12.0 * y, 12.0 * z) for x in range(20) for y in range(25) for z in range(20)]
     smoke = [medium(block(), 0.05 / 160, matrices=places)]
     check(seen(smoke, along((1, 0, 0), (120, 147.5, 123.5), distance=200), 300), passes(0.05))
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["one-place", "turned"])
+def test_hundreds_that_overlap(turned: bool) -> None:
+    """More than one traversal of the hierarchy finds. Where rays begin within all, the order is that of the instances."""
+    places = [rotation((1, 0, 0), 0.5 * k) if turned else np.eye(4) for k in range(150)]
+    cloud = voxels(np.ones((8, 8, 8)), (-4, -4, -4))
+    check(seen([medium(cloud, 0.2 / 8 / 150, matrices=places)], along((1, 0, 0), (0, 0, 0)), 32), passes(0.2), 0.01)
+    ball = glow(cloud, 1 / 150, matrices=places)
+    inside = orthographic(look_at((-0.5, 0, 0), (1, 0, 0)), 0.5, clipping_range=(0.0, 100.0))
+    scene = describe(volume_emissions=[ball], camera=inside, resolution=SIZE)
+    check(picture(scene, 4), 4.0, 0.004)
+    found = [render(scene.build(), 4, splits=1, lanes=lanes).pixels() for lanes in (0, 4)]
+    np.testing.assert_array_equal(*found)
 
 
 def test_extreme_densities() -> None:

@@ -18,7 +18,32 @@ struct VolumePasses {
   // Rays that may enter more volumes, and by ray the last volume.
   alignas(64) int32_t left[kMost], last_instance[kMost];
   alignas(64) float last_from[kMost];
+  // By ray, where there are many volumes: what the last traversal found, how much that could be and is, and how much is passed.
+  EnteredVolume found[kMost][kMostFound];
+  int32_t wanted[kMost], found_count[kMost], passed[kMost];
   LaneSteps steps;
+
+  // Appends the task of the volume that ray `k` enters next, if there is one: of many volumes.
+  void append_next(const GridTable& grids, const VolumePlacements& placed, const VolumeRays& rays, size_t k) {
+    const float end = rays.end[k];
+    if (passed[k] == found_count[k]) {
+      if (found_count[k] < wanted[k]) return;  // there are no more
+      const bool is_first = wanted[k] == 0;
+      const EnteredVolume last = is_first ? EnteredVolume{} : found[k][found_count[k] - 1];
+      wanted[k] = is_first ? kFirstFound : std::min(4 * wanted[k], kMostFound);
+      const vvec3<1> o{vfloat<1>(rays.ox[k]), vfloat<1>(rays.oy[k]), vfloat<1>(rays.oz[k])};
+      const vvec3<1> d{vfloat<1>(rays.dx[k]), vfloat<1>(rays.dy[k]), vfloat<1>(rays.dz[k])};
+      found_count[k] = find_in_hierarchy(grids, placed, o, d, rays.begin ? rays.begin[k] : 0.0f, end,
+                                         rays.time ? rays.time[k] : 0.0f, is_first ? nullptr : &last, wanted[k], found[k]);
+      passed[k] = 0;
+      if (found_count[k] == 0) return;
+    }
+    // The ray may end earlier than when the volumes were found.
+    const EnteredVolume& next = found[k][passed[k]++];
+    if (!(next.from < end)) return;
+    ray[count] = int32_t(k), instance[count] = next.instance, from[count] = next.from, to[count] = std::min(next.to, end);
+    ++count;
+  }
 };
 
 // Medium of instances, in lanes.
@@ -40,11 +65,15 @@ struct MediumLanes {
   PRIMRAY_INLINE vfloat<W> real(int k) const { return bit_cast<vfloat<W>>(number(k)); }
 };
 
-// Runs passes over `count` rays until none enters another volume. `track(tasks)` follows the tasks of a pass.
-template <int W, class Track>
+// Runs passes over `count` rays until none enters another volume. `track(tasks)` follows the tasks of a pass; rays for which
+// `carries(ray)` is false then need not be followed.
+template <int W, class Track, class Carries>
 PRIMRAY_INLINE void pass_volumes(const GridTable& grids, const VolumePlacements& placed, const VolumeRays& rays, int count,
-                                 VolumePasses& passes, const Track& track) {
+                                 VolumePasses& passes, const Track& track, const Carries& carries) {
   using I = vint<W>;
+  const bool many = placed.size() > kFewVolumes;
+  if (many)
+    for (int32_t* of : {passes.wanted, passes.found_count, passes.passed}) std::fill_n(of, count, 0);
   for (int i = 0; i < count; i += W) {
     store(passes.left + i, lane_numbers<W>() + I(i));
     store(passes.last_instance + i, I(-1)), store(passes.last_from + i, vfloat<W>(0.0f));
@@ -54,7 +83,9 @@ PRIMRAY_INLINE void pass_volumes(const GridTable& grids, const VolumePlacements&
   for (size_t pass = 0; left > 0 && pass < placed.size(); ++pass) {
     int staying = 0;
     passes.count = 0;
-    for (int at = 0; at < left; at += W) {
+    if (many)
+      for (int k = 0; k < left; ++k) passes.append_next(grids, placed, rays, size_t(passes.left[k]));
+    for (int at = 0; !many && at < left; at += W) {
       const vbool<W> m = lane_numbers<W>() < I(left - at);
       const I ray = select(m, load<W>(passes.left + at), I(0));
       const vvec3<W> o{gather<W>(rays.ox, ray), gather<W>(rays.oy, ray), gather<W>(rays.oz, ray)};
@@ -67,15 +98,15 @@ PRIMRAY_INLINE void pass_volumes(const GridTable& grids, const VolumePlacements&
       c.append(passes.from + passes.count, next.from), c.append(passes.to + passes.count, next.to);
       passes.count += c.count;
     }
+    if (passes.count == 0) return;
+    const LaneSteps steps = track(passes);
+    passes.steps.all += steps.all, passes.steps.busy += steps.busy;
     for (int k = 0; k < passes.count; ++k) {
       const int32_t ray = passes.ray[k];
       passes.last_instance[ray] = passes.instance[k], passes.last_from[ray] = passes.from[k];
-      passes.left[staying++] = ray;
+      if (carries(ray)) passes.left[staying++] = ray;
     }
     left = staying;
-    if (left == 0) return;
-    const LaneSteps steps = track(passes);
-    passes.steps.all += steps.all, passes.steps.busy += steps.busy;
   }
 }
 
@@ -111,58 +142,65 @@ struct CollisionColumns {
 template <int W>
 PRIMRAY_RARE void sample_collisions(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes,
                                     const CollisionColumns& found) {
-  pass_volumes<W>(volumes.grids, volumes.in_media, rays, count, passes, [&](const VolumePasses& tasks) {
-    const auto load = [&](vbool<W> fresh, vint<W> numbers, CollisionEvents<W>& events) {
-      const vint<W> ray = gather<W>(tasks.ray, numbers);
-      const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, fresh, numbers);
-      events.begin(fresh, task.segment, {gather<W>(found.r, ray), gather<W>(found.g, ray), gather<W>(found.b, ray)});
-      return task;
-    };
-    const auto store = [&](vbool<W> done, vint<W> numbers, const CollisionEvents<W>& events) {
-      const vint<W> instance = gather<W>(tasks.instance, numbers);
-      vvec3<W> albedo(vfloat<W>(1.0f));
-      if (any(done & events.happens)) {
-        const MediumLanes<W> medium(volumes, instance);
-        albedo = medium.albedo();
-        const vint<W> grid = medium.albedo_grid();
-        if (const vbool<W> varies = done & events.happens & (grid >= vint<W>(0)); any(varies)) {
-          const GridRows<W> rows(volumes.grids, select(varies, grid, vint<W>(0)));
-          const vvec3<W> own = rows.color(events.voxel[0] + medium.albedo_shift(0), events.voxel[1] + medium.albedo_shift(1),
-                                          events.voxel[2] + medium.albedo_shift(2));
-          albedo = select(varies, albedo * own, albedo);
-        }
-      }
-      for (uint32_t b = bits(done); b; b &= b - 1) {
-        const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
-        found.r[ray] = events.beta.x[i], found.g[ray] = events.beta.y[i], found.b[ray] = events.beta.z[i];
-        if (!events.happens[i]) continue;
-        found.end[ray] = events.t[i], found.instance[ray] = instance[i];
-        found.albedo_r[ray] = albedo.x[i], found.albedo_g[ray] = albedo.y[i], found.albedo_b[ray] = albedo.z[i];
-      }
-    };
-    return follow_segments<W, CollisionEvents<W>>(volumes.grids, tasks.count, load, store);
-  });
+  pass_volumes<W>(
+      volumes.grids, volumes.in_media, rays, count, passes,
+      [&](const VolumePasses& tasks) {
+        const auto load = [&](vbool<W> fresh, vint<W> numbers, CollisionEvents<W>& events) {
+          const vint<W> ray = gather<W>(tasks.ray, numbers);
+          const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, fresh, numbers);
+          events.begin(fresh, task.segment, {gather<W>(found.r, ray), gather<W>(found.g, ray), gather<W>(found.b, ray)});
+          return task;
+        };
+        const auto store = [&](vbool<W> done, vint<W> numbers, const CollisionEvents<W>& events) {
+          const vint<W> instance = gather<W>(tasks.instance, numbers);
+          vvec3<W> albedo(vfloat<W>(1.0f));
+          if (any(done & events.happens)) {
+            const MediumLanes<W> medium(volumes, instance);
+            albedo = medium.albedo();
+            const vint<W> grid = medium.albedo_grid();
+            if (const vbool<W> varies = done & events.happens & (grid >= vint<W>(0)); any(varies)) {
+              const GridRows<W> rows(volumes.grids, select(varies, grid, vint<W>(0)));
+              const vvec3<W> own =
+                  rows.color(events.voxel[0] + medium.albedo_shift(0), events.voxel[1] + medium.albedo_shift(1),
+                             events.voxel[2] + medium.albedo_shift(2));
+              albedo = select(varies, albedo * own, albedo);
+            }
+          }
+          for (uint32_t b = bits(done); b; b &= b - 1) {
+            const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
+            found.r[ray] = events.beta.x[i], found.g[ray] = events.beta.y[i], found.b[ray] = events.beta.z[i];
+            if (!events.happens[i]) continue;
+            found.end[ray] = events.t[i], found.instance[ray] = instance[i];
+            found.albedo_r[ray] = albedo.x[i], found.albedo_g[ray] = albedo.y[i], found.albedo_b[ray] = albedo.z[i];
+          }
+        };
+        return follow_segments<W, CollisionEvents<W>>(volumes.grids, tasks.count, load, store);
+      },
+      [](int32_t) { return true; });
 }
 
 // Multiplies what rays carry by the transmittance of all volumes; rays that carry nothing are not followed.
 template <int W>
 PRIMRAY_RARE void attenuate(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes, float* r,
                             float* g, float* b) {
-  pass_volumes<W>(volumes.grids, volumes.in_media, rays, count, passes, [&](const VolumePasses& tasks) {
-    const auto load = [&](vbool<W> fresh, vint<W> numbers, TransmittanceEvents<W>& events) {
-      const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, fresh, numbers);
-      events.begin(fresh, task.segment);
-      return task;
-    };
-    const auto store = [&](vbool<W> done, vint<W> numbers, const TransmittanceEvents<W>& events) {
-      const vvec3<W> left = events.transmittance();
-      for (uint32_t m = bits(done); m; m &= m - 1) {
-        const int i = __builtin_ctz(m), ray = tasks.ray[numbers[i]];
-        r[ray] *= left.x[i], g[ray] *= left.y[i], b[ray] *= left.z[i];
-      }
-    };
-    return follow_segments<W, TransmittanceEvents<W>>(volumes.grids, tasks.count, load, store);
-  });
+  pass_volumes<W>(
+      volumes.grids, volumes.in_media, rays, count, passes,
+      [&](const VolumePasses& tasks) {
+        const auto load = [&](vbool<W> fresh, vint<W> numbers, TransmittanceEvents<W>& events) {
+          const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, fresh, numbers);
+          events.begin(fresh, task.segment);
+          return task;
+        };
+        const auto store = [&](vbool<W> done, vint<W> numbers, const TransmittanceEvents<W>& events) {
+          const vvec3<W> left = events.transmittance();
+          for (uint32_t m = bits(done); m; m &= m - 1) {
+            const int i = __builtin_ctz(m), ray = tasks.ray[numbers[i]];
+            r[ray] *= left.x[i], g[ray] *= left.y[i], b[ray] *= left.z[i];
+          }
+        };
+        return follow_segments<W, TransmittanceEvents<W>>(volumes.grids, tasks.count, load, store);
+      },
+      [&](int32_t ray) { return std::max({r[ray], g[ray], b[ray]}) > 0; });
 }
 
 }  // namespace primray
