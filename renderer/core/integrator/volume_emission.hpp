@@ -61,26 +61,29 @@ PRIMRAY_INLINE void begin_emission(const Round& round, vbool<W> fresh, vint<W> r
   const float* rows = reinterpret_cast<const float*>(volumes.emissions.data());
   events.radiance =
       select(fresh, {gather<W>(rows + 3, row), gather<W>(rows + 4, row), gather<W>(rows + 5, row)}, events.radiance);
-  events.per_value = select(fresh, gather<W>(volumes.event_rate.data(), instance), events.per_value);
   const F pdf = gather<W>(pool.bsdf_pdf, ray), travelled = round.needs.travelled ? gather<W>(pool.travelled, ray) : F(0.0f);
   events.scattered_pdf = select(fresh, pdf, events.scattered_pdf);
   events.travelled = select(fresh, travelled, events.travelled);
+
+  // Find the rate of events
+  const F time = round.needs.time ? gather<W>(pool.time, ray) : F(0.0f);
+  const vvec3<W> d{gather<W>(pool.dx, ray), gather<W>(pool.dy, ray), gather<W>(pool.dz, ray)};
+  const vvec3<W> from = vvec3<W>(gather<W>(pool.ox, ray), gather<W>(pool.oy, ray), gather<W>(pool.oz, ray)) - d * travelled;
+  const F part = emitting_part(volumes, fresh, instance, from, d, time);
+  events.per_value = select(fresh, gather<W>(volumes.events_per_value.data(), instance) / part, events.per_value);
 
   // Find the density of light samples
   const I light = gather<W>(volumes.light_of.data(), instance);
   const vbool<W> sampled = fresh & (pdf > F(0.0f)) & (light >= I(0));
   F relative(0.0f);
   if (any(sampled)) {
-    const vvec3<W> d{gather<W>(pool.dx, ray), gather<W>(pool.dy, ray), gather<W>(pool.dz, ray)};
-    const vvec3<W> from = vvec3<W>(gather<W>(pool.ox, ray), gather<W>(pool.oy, ray), gather<W>(pool.oz, ray)) - d * travelled;
     vvec3<W> normal(F(0.0f));
     if (round.needs.normals) normal = {gather<W>(pool.nx, ray), gather<W>(pool.ny, ray), gather<W>(pool.nz, ray)};
     const I number = select(sampled, light, I(light[__builtin_ctz(bits(sampled))]));
     const F chosen = lights.links.any() ? linked_probability_of(lights, number, sampled, from, normal,
                                                                 round.needs.links ? gather<W>(pool.link, ray) : I(kUnlinkedRow))
                                         : probability_of(lights, number, sampled, from, normal);
-    const F time = round.needs.time ? gather<W>(pool.time, ray) : F(0.0f);
-    relative = select(sampled, chosen * EmissionPlaces<W>(volumes, sampled, instance, time).relative_density, relative);
+    relative = select(sampled, chosen * part * EmissionPlaces<W>(volumes, sampled, instance, time).relative_density, relative);
   }
   events.relative = select(fresh, relative, events.relative);
 

@@ -81,6 +81,27 @@ PRIMRAY_INLINE vbool<W> near_path(const Box& box, vbool<W> m, const vvec3<W>& o,
   return m & (begin <= end);
 }
 
+// Length over which events of emission on rays from vertices `o` are spread: that of the ray's part in the box of the grid, as
+// if nothing were in its way. So events are as many on rays across a thin sheet as along it, and light samples, which know the
+// vertex and the direction alone, find the same density.
+template <int W>
+PRIMRAY_RARE vfloat<W> emitting_part(const VolumeTable& v, vbool<W> m, vint<W> instance, const vvec3<W>& o, const vvec3<W>& d,
+                                     vfloat<W> time) {
+  using F = vfloat<W>;
+  const GridRays<W> ray(v.in_emissions, m, instance, o, d, time);
+  constexpr int kNumbers = sizeof(GridTable::Row) / sizeof(float);
+  const vint<W> row = gather<W>(v.in_emissions.grid.data(), instance) * vint<W>(kNumbers);
+  const F origin[3] = {ray.o.x, ray.o.y, ray.o.z}, way[3] = {ray.d.x, ray.d.y, ray.d.z};
+  F from(0.0f), to(kInfinity);
+  for (int a = 0; a < 3; ++a) {
+    const F inverse = 1.0f / select(abs(way[a]) < F(1e-18f), copysign(F(1e-18f), way[a]), way[a]);
+    const F low = (gather<W>(&v.grids.rows[0].low[a], row) - origin[a]) * inverse;
+    const F high = (gather<W>(&v.grids.rows[0].high[a], row) - origin[a]) * inverse;
+    from = max(from, min(low, high)), to = min(to, max(low, high));
+  }
+  return max(to - from, gather<W>(v.least_part.data(), instance));
+}
+
 // Clips rays to the box of a grid: `from` and `to` become those of the part inside, which is empty where from >= to.
 template <int W>
 PRIMRAY_INLINE void clip_to_grid(const GridTable::Row& row, const GridRays<W>& ray, vfloat<W>& from, vfloat<W>& to) {

@@ -1,7 +1,7 @@
 // Emission along rays through grids. Events occur at a rate that is proportional to the greatest value of the cell, and each
 // adds the emission there by the rate: the mean of the sum is the integral along the ray. Where light sampling could have found
 // the point, events are weighted by MIS: their density per solid angle and length is that of the ray's direction times the
-// rate, the light sample's is c r^2 times the rate (light/sampler/volume_point.hpp), so the rate cancels.
+// rate, the light sample's is c r^2 times the rate (light/sampler/volume_point.hpp), so the cell's part of the rate cancels.
 //
 // Where it could not, as on camera rays, the least value of a cell is integrated, and events are of the rest alone.
 #pragma once

@@ -12,9 +12,10 @@ namespace primray {
 namespace {
 
 constexpr int kMostInLeaf = 2;
-// Events on a ray along the diagonal of an emission's box, if all of it had the greatest value. In a flame a ray has few of
-// them.
+// Events on a ray through an emission's box, if all of its part there had the greatest value. In a flame a ray has few of them.
 constexpr double kEvents = 16;
+// Share of the diagonal of an emission's box below which parts of rays have fewer events.
+constexpr double kLeastPart = 1.0 / 1024;
 
 // Corner of the box of a grid's positions with other values than 0.
 dvec3 corner_of(const GridTable::Row& row, int corner) {
@@ -99,7 +100,7 @@ daffine VolumePlacements::add(int32_t row, int32_t grid_number, const GridTable:
 int64_t VolumeTable::memory_bytes() const {
   const auto bytes = [](const auto&... v) { return int64_t((0 + ... + (v.capacity() * sizeof(v[0])))); };
   int64_t total = bytes(grids.node_of, grids.node_ranges, grids.leaf_of, grids.leaf_ranges, grids.floats, grids.halves, cells,
-                        cell_cdf, event_rate, relative_density, light_of, core_from_grid, instance_of_light);
+                        cell_cdf, events_per_value, relative_density, least_part, light_of, core_from_grid, instance_of_light);
   for (const VolumePlacements* p : {&in_media, &in_emissions})
     total += bytes(p->of, p->grid, p->index_from_core, p->boxes, p->nodes, p->order, p->motion.linear, p->motion.turning,
                    p->motion.instances);
@@ -199,9 +200,10 @@ std::vector<int64_t> VolumeTable::add_emission(const VolumeEmissionInput& input,
     if (!shines) return;
     const daffine core_from_grid = in_emissions.add(int32_t(emissions.size()) - 1, emission.grid, row, path);
     const Box& box = in_emissions.boxes.back();
-    event_rate.push_back(float(kEvents / (row.most * std::max(double(length(box.high - box.low)), 1e-30))));
+    events_per_value.push_back(float(kEvents / row.most));
+    least_part.push_back(float(std::max(kLeastPart * double(length(box.high - box.low)), 1e-30)));
     const double size = path.clock ? 1 : std::fabs(core_from_grid.determinant());
-    relative_density.push_back(float(1 / (event_rate.back() * weight * size)));
+    relative_density.push_back(float(1 / (events_per_value.back() * weight * size)));
     light_of.push_back(-1);
     this->core_from_grid.resize(this->core_from_grid.size() + 12);
     put_columns(core_from_grid, &this->core_from_grid[this->core_from_grid.size() - 12]);

@@ -97,10 +97,11 @@ struct VolumeTable {
   std::vector<Cell> cells;
   std::vector<float> cell_cdf;  // by cell: sum of those up to it, in parts of the emission's; the last one's is 1
   VolumePlacements in_emissions;
-  // By instance of emission: events per unit of value and of the core's lengths (tracking_emission.hpp); density of points that
-  // light sampling finds, by volume in the core's space (of moving instances: in the grid's) and relative to the rate of events
-  // there; the light's row, or -1; and where it is: 12 floats.
-  std::vector<float> event_rate, relative_density;
+  // By instance of emission: events per unit of value on a ray, whatever the length of its part in the box
+  // (tracking_emission.hpp); density of points that light sampling finds, by volume in the core's space (of moving instances:
+  // in the grid's) and relative to that; least length of a part that its events are spread over; the light's row, or -1; and
+  // where it is: 12 floats.
+  std::vector<float> events_per_value, relative_density, least_part;
   std::vector<int32_t> light_of;
   std::vector<float> core_from_grid;
   std::vector<int32_t> instance_of_light;  // by light's row; -1: no volume

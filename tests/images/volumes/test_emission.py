@@ -48,6 +48,16 @@ def test_emission_of_a_gradient() -> None:
     check(seen([glow(grid, FIRE)], camera=along((1, 0, 0), (0, 7.3, 8.1), half=1e-3), spp=1024), depth * FIRE)
 
 
+def test_a_thin_sheet_is_as_clean_as_a_flame() -> None:
+    """Events are spread over the part of the ray in the sheet, not over its diagonal, and light samples are weighed so."""
+    grid = voxels(np.random.default_rng(2).random((8, 64, 64)) ** 3)
+    depth = depth_along(grid, (-20, 31.3, 30.1), (1, 0, 0), 60.0)
+    check(seen([glow(grid)], camera=along((1, 0, 0), (0, 31.3, 30.1), half=1e-3), spp=64), depth, 0.01)
+    small = voxels(np.random.default_rng(2).random((2, 14, 14)) ** 3)
+    level = translation(3.5, -15, 3.5) @ rotation((0, 0, 1), 90) @ translation(0, -6.5, -6.5)
+    check(floor_of([glow(small, matrices=[level])], 2048), irradiance(small, level), 0.005)
+
+
 def test_emission_of_tiles() -> None:
     tile = grid_of(np.zeros((0, 3)), np.zeros((0, 512, 3), np.float32), [(0, 0, 0, 128)], [FIRE])
     check(seen([glow(tile, 1 / 128)], camera=along((1, 0, 0), (64, 64, 64), distance=200)), FIRE)

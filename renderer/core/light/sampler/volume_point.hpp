@@ -1,6 +1,6 @@
 // Points of emission in grids, as light samples. A cell is chosen by its greatest value times its volume, and a point of it
 // uniformly. Rays that cross the emission have events there at a rate that is proportional to the same greatest value
-// (volume/tracking_emission.hpp), so both techniques have one ratio of densities everywhere, c r^2 at distance r: a sample is
+// (volume/tracking_emission.hpp), so both techniques have one ratio of densities along a ray, c r^2 at distance r: a sample is
 // like one of a surface with that density per solid angle, whose radiance is the emission by the rate.
 #pragma once
 
@@ -50,9 +50,11 @@ PRIMRAY_RARE void sample_volume_point(const VolumeTable& volumes, vbool<W> m, vi
   const vvec3<W> to = places.core_from_grid.vector(p) + places.core_from_grid.o - from;
   const F d2 = max(dot(to, to), 1e-30f), d = sqrt(d2);
   const vvec3<W> radiance{bit_cast<F>(emission(3)), bit_cast<F>(emission(4)), bit_cast<F>(emission(5))};
-  const vvec3<W> L = radiance * color * (1.0f / (most * gather<W>(volumes.event_rate.data(), instance)));
-  s.wi = select(m, to * (1.0f / d), s.wi), s.t = select(m, d, s.t), s.L = select(m, L, s.L);
-  s.pdf = select(m, places.relative_density * d2, s.pdf);
+  const vvec3<W> wi = to * (1.0f / d);
+  const F part = emitting_part(volumes, m, instance, from, wi, time);
+  const vvec3<W> L = radiance * color * (part / (most * gather<W>(volumes.events_per_value.data(), instance)));
+  s.wi = select(m, wi, s.wi), s.t = select(m, d, s.t), s.L = select(m, L, s.L);
+  s.pdf = select(m, places.relative_density * part * d2, s.pdf);
   s.is_delta &= !m;
 }
 
