@@ -96,27 +96,25 @@ template <int W, class Events, class Listen>
 PRIMRAY_INLINE void track_emission(Round& round, const VolumeRays& rays, const Listen& listen) {
   const VolumeTable& volumes = *round.scene.volumes;
   VolumeState& state = *round.worker.volumes;
-  pass_volumes<W>(
-      volumes.grids, volumes.in_emissions, rays, round.worker.pool->count, state.passes,
-      [&](const VolumePasses& tasks) {
-        const auto load = [&](vbool<W> fresh, vint<W> numbers, Events& events) {
-          begin_emission(round, fresh, gather<W>(tasks.ray, numbers), gather<W>(tasks.instance, numbers), events);
-          TrackingTask<W> task = tracking_task<W>(volumes.in_emissions, rays, tasks, fresh, numbers);
-          task.seed = mix(task.seed ^ vuint<W>(0x2545f491u));
-          events.begin(fresh, task);
-          return task;
-        };
-        const auto store = [&](vbool<W> done, vint<W> numbers, const Events& events) {
-          for (uint32_t b = bits(done); b; b &= b - 1) {
-            const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
-            state.emission[0][ray] += events.sum.x[i], state.emission[1][ray] += events.sum.y[i];
-            state.emission[2][ray] += events.sum.z[i];
-            listen(ray, events, i);
-          }
-        };
-        return follow_segments<W, Events>(volumes.grids, tasks.count, load, store);
-      },
-      [](int32_t) { return true; });
+  pass_volumes<W>(volumes.grids, volumes.in_emissions, rays, round.worker.pool->count, state.passes,
+                  [&](const VolumePasses& tasks) {
+                    const auto load = [&](vbool<W> fresh, vint<W> numbers, Events& events) {
+                      begin_emission(round, fresh, gather<W>(tasks.ray, numbers), gather<W>(tasks.instance, numbers), events);
+                      TrackingTask<W> task = tracking_task<W>(volumes.in_emissions, rays, tasks, fresh, numbers);
+                      task.seed = mix(task.seed ^ vuint<W>(0x2545f491u));
+                      events.begin(fresh, task);
+                      return task;
+                    };
+                    const auto store = [&](vbool<W> done, vint<W> numbers, const Events& events) {
+                      for (uint32_t b = bits(done); b; b &= b - 1) {
+                        const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
+                        state.emission[0][ray] += events.sum.x[i], state.emission[1][ray] += events.sum.y[i];
+                        state.emission[2][ray] += events.sum.z[i];
+                        listen(ray, events, i);
+                      }
+                    };
+                    return follow_segments<W, Events>(volumes.grids, tasks.count, load, store);
+                  });
 }
 
 // Emission of one volume along a ray of the pool, and the distance at which a deep picture has it.

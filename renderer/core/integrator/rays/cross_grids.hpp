@@ -2,6 +2,8 @@
 // collision of paths, and the transmittance of shadow rays.
 #pragma once
 
+#include <vector>
+
 #include "integrator/rays/path_pool.hpp"
 #include "volume/next_volume.hpp"
 #include "volume/tracking.hpp"
@@ -18,28 +20,30 @@ struct VolumePasses {
   // Rays that may enter more volumes, and by ray the last volume.
   alignas(64) int32_t left[kMost], last_instance[kMost];
   alignas(64) float last_from[kMost];
-  // By ray, where there are many volumes: what the last traversal found, how much that could be and is, and how much is passed.
-  EnteredVolume found[kMost][kMostFound];
+  // By ray, where there are many volumes: what the last traversal found (kMostFound for each ray; on the heap, since stacks of
+  // threads are small), how much that could be and is, and how much is passed.
+  std::vector<EnteredVolume> found;
   int32_t wanted[kMost], found_count[kMost], passed[kMost];
   LaneSteps steps;
 
   // Appends the task of the volume that ray `k` enters next, if there is one: of many volumes.
   void append_next(const GridTable& grids, const VolumePlacements& placed, const VolumeRays& rays, size_t k) {
     const float end = rays.end[k];
+    EnteredVolume* const own = &found[k * kMostFound];
     if (passed[k] == found_count[k]) {
       if (found_count[k] < wanted[k]) return;  // there are no more
       const bool is_first = wanted[k] == 0;
-      const EnteredVolume last = is_first ? EnteredVolume{} : found[k][found_count[k] - 1];
+      const EnteredVolume last = is_first ? EnteredVolume{} : own[found_count[k] - 1];
       wanted[k] = is_first ? kFirstFound : std::min(4 * wanted[k], kMostFound);
       const vvec3<1> o{vfloat<1>(rays.ox[k]), vfloat<1>(rays.oy[k]), vfloat<1>(rays.oz[k])};
       const vvec3<1> d{vfloat<1>(rays.dx[k]), vfloat<1>(rays.dy[k]), vfloat<1>(rays.dz[k])};
       found_count[k] = find_in_hierarchy(grids, placed, o, d, rays.begin ? rays.begin[k] : 0.0f, end,
-                                         rays.time ? rays.time[k] : 0.0f, is_first ? nullptr : &last, wanted[k], found[k]);
+                                         rays.time ? rays.time[k] : 0.0f, is_first ? nullptr : &last, wanted[k], own);
       passed[k] = 0;
       if (found_count[k] == 0) return;
     }
     // The ray may end earlier than when the volumes were found.
-    const EnteredVolume& next = found[k][passed[k]++];
+    const EnteredVolume& next = own[passed[k]++];
     if (!(next.from < end)) return;
     ray[count] = int32_t(k), instance[count] = next.instance, from[count] = next.from, to[count] = std::min(next.to, end);
     ++count;
@@ -72,8 +76,10 @@ PRIMRAY_INLINE void pass_volumes(const GridTable& grids, const VolumePlacements&
                                  VolumePasses& passes, const Track& track, const Carries& carries) {
   using I = vint<W>;
   const bool many = placed.size() > kFewVolumes;
-  if (many)
+  if (many) {
+    passes.found.resize(size_t(VolumePasses::kMost) * kMostFound);
     for (int32_t* of : {passes.wanted, passes.found_count, passes.passed}) std::fill_n(of, count, 0);
+  }
   for (int i = 0; i < count; i += W) {
     store(passes.left + i, lane_numbers<W>() + I(i));
     store(passes.last_instance + i, I(-1)), store(passes.last_from + i, vfloat<W>(0.0f));
@@ -110,6 +116,12 @@ PRIMRAY_INLINE void pass_volumes(const GridTable& grids, const VolumePlacements&
   }
 }
 
+template <int W, class Track>
+PRIMRAY_INLINE void pass_volumes(const GridTable& grids, const VolumePlacements& placed, const VolumeRays& rays, int count,
+                                 VolumePasses& passes, const Track& track) {
+  pass_volumes<W>(grids, placed, rays, count, passes, track, [](int32_t) { return true; });
+}
+
 // Returns the tracking tasks `numbers` of a pass in lanes `m`, without extinction.
 template <int W>
 PRIMRAY_INLINE TrackingTask<W> tracking_task(const VolumePlacements& placed, const VolumeRays& rays, const VolumePasses& passes,
@@ -142,41 +154,37 @@ struct CollisionColumns {
 template <int W>
 PRIMRAY_RARE void sample_collisions(const VolumeTable& volumes, const VolumeRays& rays, int count, VolumePasses& passes,
                                     const CollisionColumns& found) {
-  pass_volumes<W>(
-      volumes.grids, volumes.in_media, rays, count, passes,
-      [&](const VolumePasses& tasks) {
-        const auto load = [&](vbool<W> fresh, vint<W> numbers, CollisionEvents<W>& events) {
-          const vint<W> ray = gather<W>(tasks.ray, numbers);
-          const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, fresh, numbers);
-          events.begin(fresh, task.segment, {gather<W>(found.r, ray), gather<W>(found.g, ray), gather<W>(found.b, ray)});
-          return task;
-        };
-        const auto store = [&](vbool<W> done, vint<W> numbers, const CollisionEvents<W>& events) {
-          const vint<W> instance = gather<W>(tasks.instance, numbers);
-          vvec3<W> albedo(vfloat<W>(1.0f));
-          if (any(done & events.happens)) {
-            const MediumLanes<W> medium(volumes, instance);
-            albedo = medium.albedo();
-            const vint<W> grid = medium.albedo_grid();
-            if (const vbool<W> varies = done & events.happens & (grid >= vint<W>(0)); any(varies)) {
-              const GridRows<W> rows(volumes.grids, select(varies, grid, vint<W>(0)));
-              const vvec3<W> own =
-                  rows.color(events.voxel[0] + medium.albedo_shift(0), events.voxel[1] + medium.albedo_shift(1),
-                             events.voxel[2] + medium.albedo_shift(2));
-              albedo = select(varies, albedo * own, albedo);
-            }
-          }
-          for (uint32_t b = bits(done); b; b &= b - 1) {
-            const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
-            found.r[ray] = events.beta.x[i], found.g[ray] = events.beta.y[i], found.b[ray] = events.beta.z[i];
-            if (!events.happens[i]) continue;
-            found.end[ray] = events.t[i], found.instance[ray] = instance[i];
-            found.albedo_r[ray] = albedo.x[i], found.albedo_g[ray] = albedo.y[i], found.albedo_b[ray] = albedo.z[i];
-          }
-        };
-        return follow_segments<W, CollisionEvents<W>>(volumes.grids, tasks.count, load, store);
-      },
-      [](int32_t) { return true; });
+  pass_volumes<W>(volumes.grids, volumes.in_media, rays, count, passes, [&](const VolumePasses& tasks) {
+    const auto load = [&](vbool<W> fresh, vint<W> numbers, CollisionEvents<W>& events) {
+      const vint<W> ray = gather<W>(tasks.ray, numbers);
+      const TrackingTask<W> task = medium_task<W>(volumes, rays, tasks, fresh, numbers);
+      events.begin(fresh, task.segment, {gather<W>(found.r, ray), gather<W>(found.g, ray), gather<W>(found.b, ray)});
+      return task;
+    };
+    const auto store = [&](vbool<W> done, vint<W> numbers, const CollisionEvents<W>& events) {
+      const vint<W> instance = gather<W>(tasks.instance, numbers);
+      vvec3<W> albedo(vfloat<W>(1.0f));
+      if (any(done & events.happens)) {
+        const MediumLanes<W> medium(volumes, instance);
+        albedo = medium.albedo();
+        const vint<W> grid = medium.albedo_grid();
+        if (const vbool<W> varies = done & events.happens & (grid >= vint<W>(0)); any(varies)) {
+          const GridRows<W> rows(volumes.grids, select(varies, grid, vint<W>(0)));
+          const vvec3<W> own = rows.color(events.voxel[0] + medium.albedo_shift(0), events.voxel[1] + medium.albedo_shift(1),
+                                          events.voxel[2] + medium.albedo_shift(2));
+          albedo = select(varies, albedo * own, albedo);
+        }
+      }
+      for (uint32_t b = bits(done); b; b &= b - 1) {
+        const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
+        found.r[ray] = events.beta.x[i], found.g[ray] = events.beta.y[i], found.b[ray] = events.beta.z[i];
+        if (!events.happens[i]) continue;
+        found.end[ray] = events.t[i], found.instance[ray] = instance[i];
+        found.albedo_r[ray] = albedo.x[i], found.albedo_g[ray] = albedo.y[i], found.albedo_b[ray] = albedo.z[i];
+      }
+    };
+    return follow_segments<W, CollisionEvents<W>>(volumes.grids, tasks.count, load, store);
+  });
 }
 
 // Multiplies what rays carry by the transmittance of all volumes; rays that carry nothing are not followed.
