@@ -116,6 +116,46 @@ def test_lobes_follow_the_light_as_points_move() -> None:
     assert np.median(density) * sun_sr > 0.5
 
 
+def globe() -> Described:
+    """A lamp in a ball of glass, above the ground."""
+    shapes: list[tuple[Shape, Doubles]] = [(ground(6.0), np.eye(4)), (Sphere("/globe", 0.2, 1), translation(0, 1, 0))]
+    lamp = light(LightType.SPHERE, translation(0, 1, 0), 100.0, radius=0.02)
+    return describe(shapes, [lambert(0.5), GLASS], [lamp], perspective(look_at([0, 4.0, 4.0], [0, 0, 0]), 0.35), (16, 16))
+
+
+def test_a_lamp_in_a_globe_is_found() -> None:
+    """Light leaves it radially, so that lobes point to its middle, and little of it is lost."""
+    scene = globe().build()
+    guide = kernels().find_caustics(scene, DEPTH, 1)
+    assert guide is not None
+    points = np.stack(np.meshgrid(np.linspace(-1, 1, 7), [0.0], np.linspace(-1, 1, 7)), axis=-1).reshape(-1, 3)
+    toward = np.array([0, 1, 0]) - points
+    toward = np.ascontiguousarray((toward / np.linalg.norm(toward, axis=1, keepdims=True)).astype(np.float32))
+    share, _, _, density = kernels().caustic_lobes(scene, guide, points, np.zeros_like(toward), toward)
+    assert (share > 0.3).all()
+    lamp_sr = np.pi * 0.02**2 / (1 + (points**2).sum(axis=1))
+    assert np.median(density * lamp_sr) > 0.1
+    guided, plain = (replicate_means(render(scene, 256, max_depth=DEPTH, splits=1, caustics=c)) for c in (guide, None))
+    means, noise = guided.mean(axis=0), guided.std(axis=0)
+    assert np.median(noise / means) < 0.1
+    assert np.median(plain.mean(axis=0)) < 0.1 * np.median(means)  # which hardly any ray finds
+
+
+def test_light_through_water_is_found_everywhere() -> None:
+    """The lamp is within the water's bounds, whose bottom is a little above the ground: no spot below it is left out."""
+    water = Sphere("/water", 2.0, 1)
+    flat = translation(0, 0.26, 0) @ np.diag([1, 0.125, 1, 1])  # a lens of water, 0.01 above the ground
+    shapes: list[tuple[Shape, Doubles]] = [(ground(6.0), np.eye(4)), (water, flat)]
+    lamp = light(LightType.SPHERE, translation(0.2, 1.5, 0.1), 100.0, radius=0.04)
+    camera = perspective(look_at([0, 4.0, 4.0], [0, 0, 0]), 0.35)
+    scene = describe(shapes, [lambert(0.5), replace(GLASS, ior=1.33)], [lamp], camera, (16, 16)).build()
+    guide = kernels().find_caustics(scene, DEPTH, 1)
+    points = np.stack(np.meshgrid(np.linspace(-1, 1, 9), [0.0], np.linspace(-1, 1, 9)), axis=-1).reshape(-1, 3)
+    up = np.ascontiguousarray(np.broadcast_to(np.float32([0, 1, 0]), points.shape))
+    share, _, _, _ = kernels().caustic_lobes(scene, guide, points, np.zeros_like(up), up)
+    assert (share > 0.3).all()
+
+
 def test_pictures_keep_their_mean_and_lose_noise() -> None:
     scene, guide = learnt()
     means, noise = [], []

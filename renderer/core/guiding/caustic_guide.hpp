@@ -2,12 +2,12 @@
 //
 // A path tracer finds a small sun through glass or on smooth metal by chance only: one sample in thousands, as bright as the
 // sun. So before a render, photons are traced from small lights over smooth surfaces (guiding/pilot/caustic_photons.hpp). Each
-// is stored with its landing point and the point of the smooth surface that it came from. A balanced tree over the landing
-// points divides them into leaves of equally many; a surface point in a leaf sends part of its scattered rays towards those
-// source points, each with a lobe as wide as the spacing of the leaf's photons. As the surface point moves, so does the source
-// point, by gradients stored with the photons (photon differentials, Schjøth et al. 2007); otherwise lobes would have to be as
-// wide as a leaf. Only densities change: the image stays unbiased, and photons, used as directions (Jensen 1995, "Importance
-// Driven Path Tracing using the Photon Map"), may be arbitrarily wrong.
+// is stored with its landing point and the direction that it came from. A balanced tree over the landing points divides them
+// into leaves of equally many; a surface point in a leaf sends part of its scattered rays in those directions, each with a lobe
+// as wide as the spacing of the leaf's photons. As the surface point moves, directions turn, by gradients stored with the
+// photons (photon differentials, Schjøth et al. 2007); otherwise lobes would have to be as wide as a leaf. Only densities
+// change: the image stays unbiased, and photons, used as directions (Jensen 1995, "Importance Driven Path Tracing using the
+// Photon Map"), may be arbitrarily wrong.
 #pragma once
 
 #include <vector>
@@ -41,23 +41,22 @@ enum CausticLeafField : int {
 };
 
 enum CausticPhotonField : int {
-  kSource,                   // the point that it came from
-  kLanding = kSource + 3,    // its landing point
-  kGradient = kLanding + 3,  // derivative of the source's x, y and z by the landing point
-  kPhotonFields = 16         // one row of memory
+  kDirection,                 // unit, towards where it came from
+  kLanding = kDirection + 3,  // its landing point
+  kGradient = kLanding + 3,   // derivative of the direction's x, y and z by the landing point
+  kPhotonFields = 16          // one row of memory
 };
 
-// Largest shift of a source (squared, relative to the distance to the landing point): near foci gradients are unbounded.
+// Largest change of a direction (squared): near foci gradients are unbounded.
 constexpr float kFarthest2 = 0.1f;
 
-// Source of a photon that would have landed at `offset` from its landing point.
+// Direction, not normalized, of a photon that would have landed at `offset` from its landing point.
 template <class F>
-PRIMRAY_INLINE Vec3<F> source_seen(const Vec3<F>& source, const Vec3<F>& landing, const Vec3<F>& offset,
-                                   const Vec3<F> (&gradient)[3]) {
+PRIMRAY_INLINE Vec3<F> direction_seen(const Vec3<F>& direction, const Vec3<F>& offset, const Vec3<F> (&gradient)[3]) {
   using std::sqrt;
-  const Vec3<F> moved{dot(gradient[0], offset), dot(gradient[1], offset), dot(gradient[2], offset)}, way = source - landing;
-  const F farthest2 = kFarthest2 * dot(way, way);
-  return source + moved * sqrt(farthest2 / (dot(moved, moved) + farthest2 + F(1e-30f)));
+  const Vec3<F> moved{dot(gradient[0], offset), dot(gradient[1], offset), dot(gradient[2], offset)};
+  const F farthest2(kFarthest2);
+  return direction + moved * sqrt(farthest2 / (dot(moved, moved) + farthest2));
 }
 
 // Weight of a photon at that distance from its landing point.
@@ -76,7 +75,7 @@ template <int W>
 struct CausticLanes {
   int photons;
   vfloat<W> share, width2;
-  // Unit directions towards the sources of the leaf's photons, and the probabilities of their lobes, by distance to their
+  // Unit directions of the leaf's photons, and the probabilities of their lobes, by distance to their
   // landing points.
   vvec3<W> towards[CausticGuide::kMostInLeaf];
   vfloat<W> chance[CausticGuide::kMostInLeaf];
@@ -107,9 +106,9 @@ struct CausticLanes {
       const vint<W> at = (leaf * vint<W>(photons) + vint<W>(k)) * vint<W>(kPhotonFields);
       const FourLanes<float, W> a = gather_four<W>(photon, at), b = gather_four<W>(photon + 4, at);
       const FourLanes<float, W> c = gather_four<W>(photon + 8, at), d = gather_four<W>(photon + 12, at);
-      const vvec3<W> source{a.x, a.y, a.z}, landing{a.w, b.x, b.y}, offset = p - landing;
+      const vvec3<W> direction{a.x, a.y, a.z}, landing{a.w, b.x, b.y}, offset = p - landing;
       const vvec3<W> gradient[3] = {{b.z, b.w, c.x}, {c.y, c.z, c.w}, {d.x, d.y, d.z}};
-      const vvec3<W> to = source_seen(source, landing, offset, gradient) - p;
+      const vvec3<W> to = direction_seen(direction, offset, gradient);
       towards[k] = to * (1.0f / sqrt(max(dot(to, to), 1e-30f)));
       chance[k] = caustic_nearness(dot(offset, offset), reach2);
       total += chance[k];
@@ -151,9 +150,10 @@ struct CausticLanes {
 
 // Construction of a CausticGuide's tree over photons.
 struct CausticPhoton {
-  vec3 landing, source;
-  float weight;        // area of unoccluded light that it represents
-  vec3 gradient[3]{};  // derivative of the source's x, y and z by the landing point; 0: unknown
+  vec3 landing, direction;  // the direction is a unit vector towards where it came from
+  float distance;           // to there
+  float weight;             // area of unoccluded light that it represents
+  vec3 gradient[3]{};       // derivative of the direction's x, y and z by the landing point; 0: unknown
 };
 
 // Builds the tree. The order of photons only decides which few are dropped to make leaves equal.

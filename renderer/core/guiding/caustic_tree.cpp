@@ -25,29 +25,44 @@ constexpr double kSharp = 20;
 // Distance, as a share of the bounding box, at which the density outside it falls to a quarter.
 constexpr float kFadeShare = 0.5f;
 
-vec3 unit_to(const vec3& from, const vec3& to) {
-  const vec3 d = to - from;
-  return d * (1.0f / std::sqrt(std::max(dot(d, d), 1e-30f)));
+vec3 unit(const vec3& d) { return d * (1.0f / std::sqrt(std::max(dot(d, d), 1e-30f))); }
+
+// How directions turn as the surface point moves: by the photons' gradients; towards a point that stays where it is, as on
+// bumpy mirrors; or not at all, as on flat facets.
+enum class Turning { kByGradients, kAroundPoint, kNone };
+
+struct Gradient {
+  vec3 rows[3]{};
+};
+Gradient gradient_of(const CausticPhoton& p, Turning turning) {
+  Gradient g;
+  if (turning == Turning::kByGradients) std::copy(std::begin(p.gradient), std::end(p.gradient), g.rows);
+  if (turning == Turning::kAroundPoint) {
+    const vec3& d = p.direction;
+    const float turn = 1 / std::max(p.distance, 1e-20f);
+    g.rows[0] = (d * d.x - vec3(1, 0, 0)) * turn;
+    g.rows[1] = (d * d.y - vec3(0, 1, 0)) * turn;
+    g.rows[2] = (d * d.z - vec3(0, 0, 1)) * turn;
+  }
+  return g;
 }
 
-// Width and reach that maximize the likelihood of a leaf's photons, each predicted by the others; `moving`: with sources
-// shifted by their gradients.
+// Width and reach that maximize the likelihood of a leaf's photons, each predicted by the others.
 struct Lobes {
   float width2, reach2;
   double likelihood;
 };
-Lobes likeliest_lobes(const CausticPhoton* photons, int count, bool moving) {
+Lobes likeliest_lobes(const CausticPhoton* photons, int count, Turning turning) {
   constexpr int most = CausticGuide::kMostInLeaf;
   // A row for each predicted photon, a column for each predictor; all columns, so that loops over them have a fixed length.
   alignas(64) float apart2[most][most] = {}, chord2[most][most] = {};
   float mean = 0;
-  for (int j = 0; j < count; ++j) {
-    const vec3 at = photons[j].landing, d = unit_to(at, photons[j].source);
-    for (int i = 0; i < count; ++i) {
-      const CausticPhoton& seen = photons[i];
-      const vec3 offset = at - seen.landing;
-      const vec3 source = moving ? source_seen(seen.source, seen.landing, offset, seen.gradient) : seen.source;
-      const vec3 off = unit_to(at, source) - d;
+  for (int i = 0; i < count; ++i) {
+    const CausticPhoton& seen = photons[i];
+    const Gradient gradient = gradient_of(seen, turning);
+    for (int j = 0; j < count; ++j) {
+      const vec3 offset = photons[j].landing - seen.landing;
+      const vec3 off = unit(direction_seen(seen.direction, offset, gradient.rows)) - photons[j].direction;
       apart2[i][j] = dot(offset, offset), chord2[i][j] = dot(off, off);
       mean += apart2[i][j] / float(count * count);
     }
@@ -104,11 +119,11 @@ struct Builder {
 
   LeafWeight put_leaf(size_t number) const {
     const size_t count = size_t(guide.leaf_photons), first = number * count;
-    // Gradients are of little use on flat facets and bumpy mirrors, and are left out there.
-    const Lobes still = likeliest_lobes(&photons[first], int(count), false);
-    const Lobes moving = likeliest_lobes(&photons[first], int(count), true);
-    const bool moves = moving.likelihood > still.likelihood;
-    const Lobes& lobes = moves ? moving : still;
+    Turning turning = Turning::kByGradients;
+    Lobes lobes = likeliest_lobes(&photons[first], int(count), turning);
+    for (const Turning other : {Turning::kAroundPoint, Turning::kNone})
+      if (const Lobes found = likeliest_lobes(&photons[first], int(count), other); found.likelihood > lobes.likelihood)
+        lobes = found, turning = other;
     Box box;
     double weight = 0;
     for (size_t i = first; i < first + count; ++i) {
@@ -116,8 +131,9 @@ struct Builder {
       box.add(p.landing);
       weight += p.weight;
       float* to = &guide.photons[kPhotonFields * i];
-      put(to + kSource, p.source), put(to + kLanding, p.landing);
-      for (int k = 0; moves && k < 3; ++k) put(to + kGradient + 3 * k, p.gradient[k]);
+      put(to + kDirection, p.direction), put(to + kLanding, p.landing);
+      const Gradient gradient = gradient_of(p, turning);
+      for (int k = 0; k < 3; ++k) put(to + kGradient + 3 * k, gradient.rows[k]);
     }
     // Area of their bounding box, without its shortest side.
     float side[3] = {box.high.x - box.low.x, box.high.y - box.low.y, box.high.z - box.low.z};

@@ -1,6 +1,6 @@
-// Photon tracing for caustics. Photons are aimed at the bounding spheres of objects with smooth surfaces; a photon is a
-// function of its number alone, and photons are kept in the order of their numbers, so that neither threads nor lanes change a
-// bit.
+// Photon tracing for caustics. Photons are aimed at the bounding balls of clusters of smooth triangles, and of shapes; a photon
+// is a function of its number alone, and photons are kept in the order of their numbers, so that neither threads nor lanes
+// change a bit.
 
 #include <algorithm>
 #include <atomic>
@@ -35,29 +35,99 @@ bool casts(const float* row) {
   return passes || reflects || (row[kClearcoat] > 0 && row[kClearcoatAlpha] < kCasterAlpha);
 }
 
-// Adds the boxes of objects that cast caustics in a group: runs of triangles of one mesh, and curved shapes.
-void add_boxes(const Scene& scene, const Group& group, const std::vector<uint8_t>& caster, std::vector<Box>& boxes) {
+CausticTarget ball_about(const Box& b) {
+  const float radius = 0.5f * length(b.high - b.low);
+  return {(b.low + b.high) * 0.5f, radius, radius};
+}
+
+// Triangles of a cluster; more where the scene has so many that there would be more than kMostClusters.
+constexpr size_t kCluster = 64, kMostClusters = 1024;
+
+// Number that orders points along a curve which fills the box, so that those with similar numbers are close.
+uint32_t place_in(const Box& box, const vec3& p) {
+  const auto spread = [](float x) {
+    auto v = uint32_t(std::clamp(x, 0.0f, 1.0f) * 1023);
+    v = (v | v << 16) & 0x030000ffu, v = (v | v << 8) & 0x0300f00fu, v = (v | v << 4) & 0x030c30c3u;
+    return (v | v << 2) & 0x09249249u;
+  };
+  const vec3 side = box.high - box.low, at = p - box.low;
+  return spread(at.x / std::max(side.x, 1e-30f)) | spread(at.y / std::max(side.y, 1e-30f)) << 1 |
+         spread(at.z / std::max(side.z, 1e-30f)) << 2;
+}
+
+// Adds the clusters of one mesh. They share the mesh's share by their cross sections.
+void add_clusters(const Scene& scene, const Group& group, const std::vector<size_t>& triangles, size_t each,
+                  std::vector<CausticTarget>& targets) {
+  const auto corner = [&](size_t t, size_t k) {
+    const float* p = &scene.positions[3 * (size_t(group.vertex_base) + scene.indices[3 * t + k])];
+    return vec3{p[0], p[1], p[2]};
+  };
+  Box all;
+  for (const size_t t : triangles)
+    for (size_t k = 0; k < 3; ++k) all.add(corner(t, k));
+  std::vector<std::pair<uint32_t, size_t>> order;
+  for (const size_t t : triangles)
+    order.emplace_back(place_in(all, (corner(t, 0) + corner(t, 1) + corner(t, 2)) * (1.0f / 3)), t);
+  std::sort(order.begin(), order.end());
+  const size_t first = targets.size();
+  double sum = 0;
+  for (size_t i = 0; i < order.size(); i += each) {
+    Box box;
+    for (size_t n = i; n < std::min(i + each, order.size()); ++n)
+      for (size_t k = 0; k < 3; ++k) box.add(corner(order[n].second, k));
+    targets.push_back(ball_about(box));
+    sum += double(targets.back().radius) * double(targets.back().radius);
+  }
+  const double share = double(ball_about(all).radius) / std::max(sum, 1e-30);
+  for (size_t i = first; i < targets.size(); ++i)
+    targets[i].share = float(share * double(targets[i].radius) * double(targets[i].radius));
+}
+
+// Calls f(triangle, mesh) for each triangle of a group that casts caustics.
+template <class F>
+void for_casting_triangles(const Scene& scene, const Group& group, const std::vector<uint8_t>& caster, const F& f) {
   const size_t end = size_t(group.triangle_base) + group.triangle_count + group.cutout_count;
-  int32_t last = -1;
   for (size_t t = group.triangle_base; t < end; ++t) {
     const int32_t mesh = scene.triangle_mesh[t];
-    if (!caster[size_t(scene.meshes.surface[size_t(mesh)])]) continue;
-    if (mesh != last) boxes.emplace_back();
-    last = mesh;
-    for (int k = 0; k < 3; ++k) {
-      const float* p = &scene.positions[3 * (size_t(group.vertex_base) + scene.indices[3 * t + size_t(k)])];
-      boxes.back().add({p[0], p[1], p[2]});
-    }
+    if (caster[size_t(scene.meshes.surface[size_t(mesh)])]) f(t, mesh);
   }
+}
+
+// Adds the targets of a group: clusters of each mesh's triangles, and curved shapes.
+void add_targets(const Scene& scene, const Group& group, const std::vector<uint8_t>& caster,
+                 std::vector<CausticTarget>& targets) {
+  size_t count = 0;
+  for_casting_triangles(scene, group, caster, [&](size_t, int32_t) { ++count; });
+  const size_t each = std::max(kCluster, (count + kMostClusters - 1) / kMostClusters);
+  int32_t last = -1;
+  std::vector<size_t> triangles;
+  const auto flush = [&] {
+    if (!triangles.empty()) add_clusters(scene, group, triangles, each, targets);
+    triangles.clear();
+  };
+  for_casting_triangles(scene, group, caster, [&](size_t t, int32_t mesh) {
+    if (mesh != last) flush();
+    last = mesh;
+    triangles.push_back(t);
+  });
+  flush();
   for_curved_kinds([&]<class K>(K) {
     const CurvedRange& r = group.curved.of<K>();
     for (uint32_t i = 0; i < r.count; ++i)
       if (caster[size_t(scene.curved.surface[r.first_row + i])])
-        boxes.push_back(K::box(scene.curved.records<K>()[r.first + i]));
+        targets.push_back(ball_about(K::box(scene.curved.records<K>()[r.first + i])));
   });
 }
 
-CausticTarget ball_about(const Box& b) { return {(b.low + b.high) * 0.5f, 0.5f * length(b.high - b.low)}; }
+// Ball around all of a group's targets.
+CausticTarget ball_around(const std::vector<CausticTarget>& targets) {
+  Box all;
+  for (const CausticTarget& t : targets) {
+    const vec3 side(t.radius);
+    all.add(t.center - side), all.add(t.center + side);
+  }
+  return ball_about(all);
+}
 
 }  // namespace
 
@@ -72,27 +142,25 @@ std::vector<CausticTarget> caustic_targets(const Scene& scene) {
   }
   std::vector<CausticTarget> targets;
   if (!any) return targets;
-  std::vector<Box> boxes;
-  add_boxes(scene, scene.groups[0], caster, boxes);
-  for (const Box& box : boxes) targets.push_back(ball_about(box));
+  add_targets(scene, scene.groups[0], caster, targets);
   // Targets of instances; nested instances are left to chance.
   const Group& world = scene.groups[0];
+  std::vector<CausticTarget> own;
   for (uint32_t k = world.placement_base; k < world.placement_base + world.placement_count; ++k) {
-    const Group& group = scene.groups[size_t(scene.placement_group[k])];
-    boxes.clear();
-    add_boxes(scene, group, caster, boxes);
-    Box all;
-    for (const Box& b : boxes) all.add(b);
-    if (!all.any()) continue;
-    const CausticTarget ball = ball_about(all);
+    own.clear();
+    add_targets(scene, scene.groups[size_t(scene.placement_group[k])], caster, own);
+    if (own.empty()) continue;
     const size_t first = size_t(scene.placement_instance[k]);
     const size_t end =
         k + 1 < scene.placement_instance.size() ? size_t(scene.placement_instance[k + 1]) : scene.world_from_group.size() / 12;
+    if (own.size() * (end - first) > kMostClusters) own = {ball_around(own)};
     for (size_t i = first; i < end && targets.size() < kMostTargets; ++i) {
       const float* m = &scene.world_from_group[12 * i];
       const auto axis = [m](int c) { return vec3{m[3 * c], m[3 * c + 1], m[3 * c + 2]}; };
-      const vec3 at = axis(0) * ball.center.x + axis(1) * ball.center.y + axis(2) * ball.center.z + axis(3);
-      targets.push_back({at, ball.radius * std::max({length(axis(0)), length(axis(1)), length(axis(2))})});
+      const float scale = std::max({length(axis(0)), length(axis(1)), length(axis(2))});
+      for (const CausticTarget& t : own)
+        targets.push_back(
+            {axis(0) * t.center.x + axis(1) * t.center.y + axis(2) * t.center.z + axis(3), t.radius * scale, t.share * scale});
     }
   }
   return targets;
@@ -107,8 +175,8 @@ using B = vbool<W>;
 using V = vvec3<W>;
 
 // Lower limit of the density per steradian with which small lights are sampled.
-constexpr float kSmallLight = 10;
-constexpr int kLongest = 10;  // vertices of a photon's path
+constexpr float kSmallLight = 10, kSmallLightInside = 1;  // inside a ball, as seen from its surface
+constexpr int kLongest = 10;                              // vertices of a photon's path
 constexpr int kRound = 1 << 14, kRounds = 16, kTask = 256;
 // Limits of the number of photons, and their number by the frame's pixels; for small images photons would cost more than they
 // gain.
@@ -125,13 +193,11 @@ class Photons {
  public:
   Photons(const Scene& scene, std::vector<CausticTarget> targets, int longest)
       : scene_(scene), targets_(std::move(targets)), longest_(longest) {
-    // Chooses targets in proportion to their radius, so that neither the smallest nor the largest are neglected.
-    double sum = 0;
-    for (const CausticTarget& t : targets_) sum += t.radius;
-    float run = 0;
+    double sum = 0, run = 0;
+    for (const CausticTarget& t : targets_) sum += double(t.share);
     for (const CausticTarget& t : targets_) {
-      cdf_.push_back(run), run += float(t.radius / sum);
-      data_.insert(data_.end(), {t.center.x, t.center.y, t.center.z, t.radius, float(t.radius / sum)});
+      cdf_.push_back(float(run)), run += double(t.share) / sum;
+      data_.insert(data_.end(), {t.center.x, t.center.y, t.center.z, t.radius, float(double(t.share) / sum)});
     }
     cdf_.push_back(1.0f);
   }
@@ -163,7 +229,23 @@ class Photons {
     B active;
   };
 
-  B launch(const Corners& lanes, const Sampler<W>& sampler, Rays<W>& rays, F& weight) const {
+  // Length of photons' ways, and 1 / the distance of their light from their target; 0: it is at infinity.
+  struct Way {
+    F length, by_distance;
+    // Ratio of unoccluded light at the target to that after such a way.
+    F spread() const {
+      const F ratio = length * by_distance;
+      return select(by_distance > F(0.0f), ratio * ratio, F(1.0f));
+    }
+  };
+
+  static V on_sphere(const Pair<W>& u) {
+    const F z = 1.0f - 2.0f * u.u, sine = safe_sqrt(1.0f - z * z);
+    const SinCos<W> phi = sincos_turns(u.v);
+    return {sine * phi.cos, sine * phi.sin, z};
+  }
+
+  B launch(const Corners& lanes, const Sampler<W>& sampler, Rays<W>& rays, F& weight, Way& travelled) const {
     const LightTable& lights = scene_.lights;
     const I none(0);
     const I t = find_interval<W>(cdf_.data(), none, int(targets_.size()), sampler.single(none, Purpose::kLobe));
@@ -176,27 +258,39 @@ class Photons {
     F time(0.0f);
     if (scene_.moves()) time = scene_.motion.opens + sampler.single(none, Purpose::kRoulette) * scene_.motion.length;
     const B possible = choice.probability > F(0.0f);
-    const LightSample<W> s = light_sample(lights, choice.light, possible, center, u.u, u.v, time);
-    B alive = lanes.active & possible & (s.pdf > F(0.0f)) & (s.is_delta | (s.pdf > F(kSmallLight)));
+    LightSample<W> s = light_sample(lights, choice.light, possible, center, u.u, u.v, time);
+    // A light inside the ball, as a lamp in a globe, is sampled from points of the ball's surface.
+    const F reach = radius * 1.01f;
+    const B inside = possible & !((s.pdf > F(0.0f)) & (s.t > reach));
+    V reference = center, outwards = s.wi;
+    if (any(inside)) {
+      outwards = select(inside, on_sphere(disc), outwards), reference = select(inside, center + outwards * radius, center);
+      const LightSample<W> other = light_sample(lights, choice.light, inside, reference, u.u, u.v, time);
+      s.wi = select(inside, other.wi, s.wi), s.t = select(inside, other.t, s.t), s.pdf = select(inside, other.pdf, s.pdf);
+      s.L = select(inside, other.L, s.L), s.is_delta = (inside & other.is_delta) | (!inside & s.is_delta);
+    }
+    B alive = lanes.active & possible & (s.pdf > F(0.0f));
+    alive &= s.is_delta | (s.pdf > select(inside, F(kSmallLightInside), F(kSmallLight)));
     alive &= max_component(s.L) > F(0.0f);
-    const Frame<F> frame(s.wi);
+    const Frame<F> frame(outwards);
     const SinCos<W> phi = sincos_turns(disc.v);
-    const F r = radius * sqrt(disc.u);
-    const F spacing = radius * kSpacing, zero(0.0f);
-    const V at = center + frame.s * (r * phi.cos + select(lanes.corner == I(1), spacing, zero)) +
+    const F spacing = radius * kSpacing, zero(0.0f), r = select(inside, zero, radius * sqrt(disc.u));
+    const V at = reference + frame.s * (r * phi.cos + select(lanes.corner == I(1), spacing, zero)) +
                  frame.t * (r * phi.sin + select(lanes.corner == I(2), spacing, zero));
     // Start at the light's sampled point, unless it is at infinity.
     const B near = s.t < F(1e18f);
-    const V point = center + s.wi * select(near, s.t, F(0.0f));
+    const V point = reference + s.wi * select(near, s.t, F(0.0f));
     const V wi = select(near, normalize(point - at), s.wi);
-    const V start = at + wi * (radius * 1.01f);
-    const F left = select(near, length(point - at) - radius * 1.01f, F(kInfinity));
-    alive &= left > F(0.0f);
+    const F way = length(point - at);
+    const V start = at + wi * select(inside, 0.999f * way, reach);
+    const F left = select(inside, F(0.0f), select(near, way - reach, F(kInfinity)));
+    alive &= inside | (left > F(0.0f));
     if (!any(alive)) return alive;
     const Rays<W> to_light{start, wi, F(0.0f), left * 0.999f, time};
-    alive &= !occluded(scene_, true, alive, to_light);
+    if (const B outside = alive & !inside; any(outside)) alive &= inside | !occluded(scene_, true, outside, to_light);
     rays = {start, -wi, F(0.0f), F(kInfinity), time};
-    weight = kPi * radius * radius / field(4);
+    travelled = {select(near, left, F(0.0f)), select(near, 1.0f / max(s.t, 1e-20f), F(0.0f))};
+    weight = radius * radius * select(inside, 4.0f * abs(dot(outwards, s.wi)), F(1.0f)) * kPi / field(4);
     return alive;
   }
 
@@ -204,7 +298,8 @@ class Photons {
     const Sampler<W> sampler{reverse_bits(lanes.number), Sampler<W>::pixel_seed(kPhotonSeed, I(0), I(0), vuint<W>(0u))};
     Rays<W> rays;
     F weight(0.0f);
-    B alive = launch(lanes, sampler, rays, weight), scattered(false);
+    Way travelled{F(0.0f), F(0.0f)};
+    B alive = launch(lanes, sampler, rays, weight, travelled), scattered(false);
     V source = rays.o;
     I way(0);  // hash of the surfaces that were hit, and of what passed them
     for (int vertex = 1; vertex <= longest_ && any(alive); ++vertex) {
@@ -217,6 +312,7 @@ class Photons {
       if (any_inputs(scene_, alive, it.surface))
         rows = evaluate_inputs(scene_, alive, hits, it.surface, F(0.0f), it.p, it.ng, it.ns, varying);
       const V wo = -rays.d;
+      travelled.length += max(dot(it.p - rays.o, rays.d), 0.0f);
       const B front = dot(it.ng, wo) > F(0.0f);
       const F side = select(front, F(1.0f), F(-1.0f));
       const V ng = it.ng * side, ns = it.ns * side;
@@ -225,8 +321,8 @@ class Photons {
       const V local = frame.to_local(wo);
       const BsdfWithOpenPbr<W> bsdf(rows, alive, local, front);
       const B there = alive & scattered;
-      store_photons(there, there & (lanes.corner == I(0)) & follows_caustics<W>(bsdf), it.p, source, way + it.surface, weight,
-                    landed);
+      store_photons(there, there & (lanes.corner == I(0)) & follows_caustics<W>(bsdf), it.p, wo, length(it.p - source),
+                    way + it.surface, weight * travelled.spread(), landed);
       if (!bsdf.any_preview) return;
       const Pair<W> u = sampler.link(I(vertex));
       const F lobe = sampler.single(I(vertex), Purpose::kLobe);
@@ -254,32 +350,32 @@ class Photons {
   }
 
   // Stores photons `chosen` of those that are `there`, with gradients where their neighbours took the same path.
-  static void store_photons(B there, B chosen, const V& p, const V& source, I way, F weight,
+  static void store_photons(B there, B chosen, const V& p, const V& direction, F distance, I way, F weight,
                             std::vector<CausticPhoton>& landed) {
     const auto at = [](const V& v, int i) { return vec3{v.x[i], v.y[i], v.z[i]}; };
     constexpr uint32_t all = (1u << kCorners) - 1;
     for (uint32_t b = bits(chosen); b; b &= b - 1) {
       const int i = __builtin_ctz(b);
-      CausticPhoton photon{at(p, i), at(source, i), weight[i]};
+      CausticPhoton photon{at(p, i), at(direction, i), distance[i], weight[i]};
       if ((bits(there) >> i & all) == all && way[i + 1] == way[i] && way[i + 2] == way[i]) {
         const vec3 landings[2] = {at(p, i + 1) - photon.landing, at(p, i + 2) - photon.landing};
-        const vec3 sources[2] = {at(source, i + 1) - photon.source, at(source, i + 2) - photon.source};
-        add_gradients(landings, sources, photon);
+        const vec3 turns[2] = {at(direction, i + 1) - photon.direction, at(direction, i + 2) - photon.direction};
+        add_gradients(landings, turns, photon);
       }
       landed.push_back(photon);
     }
   }
 
-  // Adds the smallest gradients that map changes of the landing point to changes of the source: by the pseudo-inverse of the
+  // Adds the smallest gradients that map changes of the landing point to changes of the direction: by the pseudo-inverse of the
   // landing offsets.
-  static void add_gradients(const vec3 (&landings)[2], const vec3 (&sources)[2], CausticPhoton& photon) {
+  static void add_gradients(const vec3 (&landings)[2], const vec3 (&turns)[2], CausticPhoton& photon) {
     const vec3 &a = landings[0], &b = landings[1];
     const float aa = dot(a, a), ab = dot(a, b), bb = dot(b, b), det = aa * bb - ab * ab;
     if (!(det > kLeastSpread * aa * bb) || std::min(aa, bb) < kLeastApart2) return;
     const vec3 by_a = (a * bb - b * ab) * (1 / det), by_b = (b * aa - a * ab) * (1 / det);
-    photon.gradient[0] = by_a * sources[0].x + by_b * sources[1].x;
-    photon.gradient[1] = by_a * sources[0].y + by_b * sources[1].y;
-    photon.gradient[2] = by_a * sources[0].z + by_b * sources[1].z;
+    photon.gradient[0] = by_a * turns[0].x + by_b * turns[1].x;
+    photon.gradient[1] = by_a * turns[0].y + by_b * turns[1].y;
+    photon.gradient[2] = by_a * turns[0].z + by_b * turns[1].z;
   }
 };
 

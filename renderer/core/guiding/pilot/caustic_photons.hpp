@@ -9,7 +9,7 @@
 
 namespace primray {
 
-// Targets of caustic photons: bounding spheres of objects with smooth surfaces.
+// Targets of caustic photons: bounding balls of clusters of smooth triangles, and of smooth shapes.
 
 // Largest alpha (roughness 0.41) of lobes that cast caustics which scattered rays do not find. Rough metals and glass under a
 // sun of five degrees, 32 samples, four seeds: relMSE x CPU time is 0.87 of that with 0.05.
@@ -18,6 +18,8 @@ inline constexpr float kCasterAlpha = 0.17f;
 struct CausticTarget {
   vec3 center;
   float radius;
+  float share;  // of photons, relative to the others: by the radius of the object, so that neither the smallest nor the largest
+                // are neglected
 };
 
 std::vector<CausticTarget> caustic_targets(const Scene& scene);
