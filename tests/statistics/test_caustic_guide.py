@@ -151,7 +151,7 @@ def test_light_through_water_is_found_everywhere() -> None:
     scene = describe(shapes, [lambert(0.5), replace(GLASS, ior=1.33)], [lamp], camera, (16, 16)).build()
     guide = kernels().find_caustics(scene, DEPTH, 1)
     points = np.stack(np.meshgrid(np.linspace(-1, 1, 9), [0.0], np.linspace(-1, 1, 9)), axis=-1).reshape(-1, 3)
-    up = np.ascontiguousarray(np.broadcast_to(np.float32([0, 1, 0]), points.shape))
+    up = np.ascontiguousarray(np.broadcast_to(np.array([0, 1, 0], np.float32), points.shape))
     share, _, _, _ = kernels().caustic_lobes(scene, guide, points, np.zeros_like(up), up)
     assert (share > 0.3).all()
 
