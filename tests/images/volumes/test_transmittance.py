@@ -251,8 +251,8 @@ def test_hundreds_that_overlap(turned: bool) -> None:
     inside = orthographic(look_at((-0.5, 0, 0), (1, 0, 0)), 0.5, clipping_range=(0.0, 100.0))
     scene = describe(volume_emissions=[ball], camera=inside, resolution=SIZE)
     check(picture(scene, 4), 4.0, 0.004)
-    found = [render(scene.build(), 4, splits=1, lanes=lanes).pixels() for lanes in (0, 4)]
-    np.testing.assert_array_equal(*found)
+    wide, narrow = (render(scene.build(), 4, splits=1, lanes=lanes).pixels() for lanes in (0, 4))
+    np.testing.assert_array_equal(wide, narrow)
 
 
 def test_extreme_densities() -> None:
