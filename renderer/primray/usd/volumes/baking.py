@@ -242,8 +242,19 @@ class VolumeMaker:
             self.ctx.warn("motion", self.path, message + f"and moves with the field {first}.")
         return _domain_of(read), False
 
+    def absent_fields(self) -> list[str]:
+        """Return the names that extinction is read by and that no field has, in order of use."""
+        c = self.coefficients
+        names = self._names_read([c.absorption, *(lobe.scattering for lobe in c.lobes)])
+        return [name for name in names if field_named(self.fields, name) is None]
+
     def _fields_read(self, operands: Sequence[Operand]) -> list[str]:
         """Return the names of the fields that operands depend on, in order of use."""
+        found = (field_named(self.fields, name) for name in self._names_read(operands))
+        return list(dict.fromkeys(one.name for one in found if one is not None))
+
+    def _names_read(self, operands: Sequence[Operand]) -> list[str]:
+        """Return the names by which operands read fields, whether or not there are such fields, in order of use."""
         nodes, seen = self.coefficients.expressions.nodes, set[int]()
         left = [operand.node for operand in operands if isinstance(operand, NodeOutput)]
         while left:
@@ -252,8 +263,7 @@ class VolumeMaker:
                 seen.add(number)
                 left += [v.node for _, v in nodes[number].inputs if isinstance(v, NodeOutput)]
         read = [dict(nodes[k].inputs).get("geomprop") for k in sorted(seen) if nodes[k].category == "geompropvalue"]
-        found = (field_named(self.fields, str(name)) for name in read)
-        return list(dict.fromkeys(one.name for one in found if one is not None))
+        return list(dict.fromkeys(str(name) for name in read))
 
     def _arrays(self, domain: Domain, piece: Piece) -> NodeArrays:
         nodes = self.coefficients.expressions.nodes

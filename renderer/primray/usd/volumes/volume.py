@@ -58,6 +58,10 @@ def add_volume(
     except TooLargeError as error:
         ctx.warn(TOO_LARGE, leaf.path, f"It is not rendered: {error}.")
         return
+    if not media and not emissions and (absent := maker.absent_fields()):
+        read, has = (", ".join(names) for names in (absent, fields))
+        message = f"Its shader reads the field {read}, which is none of its own ({has}): nothing of it is seen."
+        ctx.warn("volume-field", leaf.path, message)
     velocities = velocities_of(leaf, fields, ctx)
     blurred = "" if velocities is None else _blur(media, emissions, maker, velocities)
     ctx.warn("volume-convention", leaf.path, maker.coefficients.convention + blurred)

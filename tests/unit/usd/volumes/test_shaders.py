@@ -235,6 +235,33 @@ def test_coefficients_that_depend_on_no_field(tmp_path: Path) -> None:
     assert "where the field density is not 0" in messages[0]
 
 
+@pytest.mark.parametrize(
+    ("output", "shader"),
+    [
+        (
+            "kma:volume",
+            SCALED.replace('"density"\n', '"smoke"\n')
+            + node("volume", "kma_volume", "color3f inputs:scattering.connect = </Look/scaled.outputs:out>"),
+        ),
+        (
+            "arnold:volume",
+            node(
+                "volume",
+                "arnold:standard_volume",
+                'string inputs:density_channel = "smoke"\nstring inputs:emission_mode = "none"',
+            ),
+        ),
+        ("ri:volume", node("volume", "PxrVolume", 'string inputs:densityFloatPrimVar = "smoke"')),
+    ],
+)
+def test_a_density_of_a_name_that_no_field_has(tmp_path: Path, output: str, shader: str) -> None:
+    description, told, messages = render(tmp_path, look(shader, output))
+    assert not description.media
+    assert "volume-field" in told
+    said = "Its shader reads the field smoke, which is none of its own (color, density, temperature): nothing of it is seen"
+    assert said in messages[told.index("volume-field")]
+
+
 def test_an_anisotropy_that_varies(tmp_path: Path) -> None:
     vdf = node(
         "vdf",
