@@ -79,7 +79,11 @@ def _around(values: Doubles) -> Doubles:
 
 
 def _estimate(squares: Doubles) -> Estimate:
-    """Return the mean with its interval. Tiles are assumed independent, each as uncertain as it is large."""
+    """Return the mean with its interval. Tiles are assumed independent, each as uncertain as it is large.
+
+    A mean of squares is not below 0. A mean that is shows how far means here are from the truth: the interval then ends at
+    least as far above 0, so that it is never empty.
+    """
     by_pixel = squares.sum(axis=2)
     height, width = by_pixel.shape
     whole = np.pad(by_pixel, ((0, -height % TILE), (0, -width % TILE)))
@@ -89,7 +93,7 @@ def _estimate(squares: Doubles) -> Estimate:
     freedom = float(shares.sum()) ** 2 / max(float((shares**2).sum()), TINY)
     step = student95(freedom) * largest * math.sqrt(float(shares.sum())) / squares.size
     value = float(squares.mean())
-    return Estimate(max(value, 0.0), max(value - step, 0.0), max(value + step, 0.0))
+    return Estimate(max(value, 0.0), max(value - step, 0.0), max(value + step, -value))
 
 
 def student95(freedom: float) -> float:

@@ -70,6 +70,15 @@ def test_estimates_below_0_are_0_with_an_interval_above() -> None:
     assert found.as_json()["rmse"]["ci95"][0] == 0
 
 
+def test_an_estimate_far_below_0_leaves_doubt() -> None:
+    """One half is above the denoised picture everywhere, the other below: the estimate is negative by more than its step."""
+    truth = np.full((*SIZE, 3), 0.5)
+    found = cross_half_error(Halves(truth + 0.1, truth - 0.1, np.full((*SIZE, 1), 0.5), True), (truth, truth))
+    assert found.relmse.value == found.relmse.low == 0
+    assert found.relmse.high == pytest.approx(0.01 / 0.26)
+    assert found.rmse.high == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize(("freedom", "quantile"), [(3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042), (1e9, 1.960)])
 def test_the_quantile_is_students(freedom: float, quantile: float) -> None:
     assert student95(freedom) == pytest.approx(quantile, rel=0.02)
