@@ -294,6 +294,36 @@ def test_a_picture_of_smoke_alone_is_not_empty(tmp_path: Path, capsys: pytest.Ca
     assert not {"small-in-view", "camera-sees-nothing", "nothing-drawn", "unlit"} & set(found(facts))
 
 
+def test_a_fire_is_a_light(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, grid(0.5), grid(2, name="emission"))
+    facts = doctor(tmp_path, head(24) + cube("box") + volume_text({"density": "", "emission": ""}), capsys)
+    assert not {"no-light", "default-light"} & set(found(facts))
+
+
+def test_emission_in_a_shape_is_a_light(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    glow = material(
+        'def Shader "s" { uniform token info:id = "kma_volume"\ncolor3f inputs:emission = (1, 1, 1)\ntoken outputs:surface\n}'
+    )
+    facts = doctor(tmp_path, head() + glow.replace("outputs:surface.connect", "outputs:kma:volume.connect"), capsys)
+    assert not {"no-light", "default-light"} & set(found(facts))
+
+
+def test_a_shader_of_smoke_makes_nothing_grey(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, grid(0.5))
+    look = """def Material "Look"
+{
+    token outputs:arnold:volume.connect = </Look/Shader.outputs:out>
+    def Shader "Shader"
+    {
+        uniform token info:id = "arnold:standard_volume"
+        token outputs:out
+    }
+}
+"""
+    facts = doctor(tmp_path, head(24) + DOME + look + volume_text(bound="/Look") + cube("box"), capsys)
+    assert "translated" not in found(facts)
+
+
 def test_what_setting_up_takes_its_time_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A cage diced as finely as a small machine bears: dicing and building are what is waited for."""
     cage = """def Mesh "blob"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from ..description import Surface
 from ..diagnostic_codes import CODES, Kind, Severity
+from ..diagnostics import Diagnostic
 from ..images.exposure import View, view_fault
 from ..images.image import MISSING_TEXTURES
 from ..report.picture_checks import IMAGES, why_empty
@@ -95,7 +96,12 @@ LIGHTLESS = ("light-dark", "unsupported-light", "link-empty", "instanced-lights"
 def find_dark(seen: Examined) -> Iterator[Finding]:
     told = list(seen.diagnostics)
     pixels = seen.image.pixels
-    glows = any(_glows(surface) for surface in seen.description.surfaces)
+    fog = seen.description.fog
+    glows = (
+        any(_glows(surface) for surface in seen.description.surfaces)
+        or bool(seen.description.volume_emissions)
+        or (fog is not None and any(fog.emission))
+    )
     if any(diagnostic.code == "default-light" for diagnostic in told):
         said = next(diagnostic.message for diagnostic in told if diagnostic.code == "default-light")
         yield Finding(Question.DARK, "default-light", said, CODES["default-light"].advice)
@@ -121,7 +127,8 @@ def find_dark(seen: Examined) -> Iterator[Finding]:
 
 
 def _glows(surface: Surface) -> bool:
-    return any(value > 0 for value in surface.emissive_color) or "emissive_color" in surface.varying
+    within = surface.volume is not None and any(surface.volume.emission)
+    return within or any(value > 0 for value in surface.emissive_color) or "emissive_color" in surface.varying
 
 
 # Codes of diagnostics that change a material's look, in the order in which they are reported.
@@ -172,7 +179,7 @@ def grey_share(seen: Examined) -> float | None:
 
 
 def _unbound(seen: Examined) -> Iterator[Finding]:
-    explained = {path for code in OF_MATERIALS for path in _concerned(seen, code)}
+    explained = set(_concerned(seen, (d for d in seen.diagnostics if d.code in OF_MATERIALS)))
     bare = bare_shapes(seen.description)
     paths = [path for path in bare if seen.bound.get(path, "") not in explained and path not in explained]
     if not paths:
@@ -194,11 +201,13 @@ def _unbound(seen: Examined) -> Iterator[Finding]:
 
 def _by_material(seen: Examined) -> Iterator[Finding]:
     numbers = {path: number for number, path in seen.names("material").items()}
+    of_smoke = {medium.material for medium in seen.description.media} - set(seen.bound.values())
     for code in OF_MATERIALS:
-        messages = [d.message for d in seen.diagnostics if d.code == code]
+        found = [d for d in seen.diagnostics if d.code == code and of_smoke.isdisjoint(_upwards(d.prim_path))]
+        messages = [d.message for d in found]
         if not messages:
             continue
-        prims = _concerned(seen, code)
+        prims = _concerned(seen, found)
         shapes = {path for path, material in seen.bound.items() if material in prims} | set(prims)
         worn = np.isin(seen.materials, [numbers[path] for path in prims if path in numbers])
         where = worn | np.isin(seen.prims, _numbers_of(seen, shapes))
@@ -215,10 +224,10 @@ def _is_black(seen: Examined, where: npt.NDArray[np.bool_]) -> bool:
     return len(albedo) > 0 and float(albedo.mean()) < BLACK
 
 
-def _concerned(seen: Examined, code: str) -> tuple[str, ...]:
-    """Return the prims that diagnostics of a code name, with materials in place of their shaders."""
+def _concerned(seen: Examined, found: Iterable[Diagnostic]) -> tuple[str, ...]:
+    """Return the prims that diagnostics name, with materials in place of their shaders."""
     known = {surface.path for surface in seen.description.surfaces if surface.path} | set(seen.bound.values())
-    paths = dict.fromkeys(d.prim_path for d in seen.diagnostics if d.code == code)
+    paths = dict.fromkeys(d.prim_path for d in found)
     return tuple(dict.fromkeys(next((p for p in _upwards(path) if p in known), path) for path in paths))
 
 
