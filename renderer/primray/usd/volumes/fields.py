@@ -21,6 +21,8 @@ from .motion import FieldMotion, TransformPath, namespace_path
 _PREFIX = "field:"
 # Names of fields of velocities, first those that are preferred: Houdini and Arnold write vel or v, Blender velocity.
 VELOCITY_NAMES = ("velocity", "vel", "v")
+# What other programs have in names of files for the number of a frame.
+_FRAME_MARKS = ("#", "$F", "<F", "%0", "<frame")
 # Types of values by fieldDataType, as OpenVDB calls them.
 _TYPES = {
     "half": ("float",),
@@ -139,7 +141,9 @@ def _field(name: str, prim: Usd.Prim, path: str, ctx: Context) -> tuple[str, Vol
         ctx.warn("volume-field", path, "No file is set: the field is missing.", "filePath")
         return None
     if not asset.resolvedPath:
-        ctx.warn("asset-missing", path, f"{asset.path} cannot be found: the field is missing.", "filePath")
+        of_frames = any(mark in asset.path for mark in _FRAME_MARKS)
+        hint = " A file for each frame is a time sample of filePath: USD knows no marks for numbers." if of_frames else ""
+        ctx.warn("asset-missing", path, f"{asset.path} cannot be found: the field is missing.{hint}", "filePath")
         return None
     ctx.caches.volume_files.add(str(asset.resolvedPath))
     grid_name, index = _grid_name(prim, names, name, ctx)
@@ -152,7 +156,9 @@ def _field(name: str, prim: Usd.Prim, path: str, ctx: Context) -> tuple[str, Vol
             is_velocity=name in VELOCITY_NAMES or grid_name in VELOCITY_NAMES,
         )
     except UnreadableGridError as error:
-        ctx.warn(error.code, path, f"{asset.path} cannot be read: {error.reason}. The field is missing.", "filePath")
+        reason = error.reason.removeprefix("the file: ")
+        end = "" if reason.endswith("?") else "."
+        ctx.warn(error.code, path, f"{asset.path} cannot be read: {reason}{end} The field is missing.", "filePath")
         return None
     for sentence in found.changes:
         ctx.warn("volume-values", path, sentence)

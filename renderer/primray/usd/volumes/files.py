@@ -115,11 +115,16 @@ def _usable(grid: VolumeGrid, info: GridInfo, is_velocity: bool) -> tuple[Volume
     if is_velocity and grid.width == 3:
         grid, lowest = replace(grid, negative=0), -math.inf
     if grid.grid_class == LEVEL_SET:
-        changes.append("It is a level set: its distances are read as they are, those inside as 0.")
+        changes.append(
+            "It is a level set: its distances are read as they are, those inside as 0. "
+            "OpenVDB's sdfToFogVolume makes a density of it."
+        )
     elif grid.nonfinite or grid.negative:
         kinds = (("negative", grid.negative), ("not finite", grid.nonfinite))
-        counted = " and ".join(f"{count:,} values are {kind}" for kind, count in kinds if count)
-        changes.append(f"{counted[0].upper()}{counted[1:]}: they are read as 0.")
+        counted = " and ".join(
+            f"{count:,} {'value is' if count == 1 else 'values are'} {kind}" for kind, count in kinds if count
+        )
+        changes.append(f"{counted}: {'it is' if grid.negative + grid.nonfinite == 1 else 'they are'} read as 0.")
     if np.any(grid.background != 0):
         changes.append(f"Its background is {_shown(grid.background)}: it is read as 0.")
     tiles = _clean(grid.tile_values.copy(), lowest) if grid.nonfinite or grid.negative else grid.tile_values

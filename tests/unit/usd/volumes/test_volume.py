@@ -162,7 +162,12 @@ NO_FILE = [("asset-missing", FIELD), ("volume-field", "/Smoke")]
         ('def Volume "Smoke" {\n rel field:density = </Gone>\n}', [("volume-field", "/Smoke")] * 2, "/Gone does not exist"),
         (volume_text().replace("OpenVDBAsset", "Field3DAsset"), NO_FIELD, "a Field3DAsset"),
         (volume_text().replace("smoke.vdb", "gone.vdb"), NO_FILE, "gone.vdb cannot be found"),
-        (volume_text().replace('fieldName = "density"', 'fieldName = "dens"'), NO_FIELD, "no grid 'dens'"),
+        (volume_text().replace("smoke.vdb", "smoke.####.vdb"), NO_FILE, "is a time sample of filePath"),
+        (
+            volume_text().replace('fieldName = "density"', 'fieldName = "dens"'),
+            NO_FIELD,
+            "it has no grid 'dens'; did you mean density? The field",
+        ),
         (volume_text({"density": "int fieldIndex = 4"}), NO_FIELD, "no grid 'density' with index 4"),
         (
             volume_text({"density": 'token fieldDataType = "float3"'}),
@@ -189,7 +194,7 @@ def test_values_that_are_no_densities(tmp_path: Path) -> None:
     assert medium.grid.background == 0
     assert told == [("volume-values", FIELD), ("volume-values", FIELD), CONVENTION]
     assert messages[:2] == [
-        "1 values are negative and 2 values are not finite: they are read as 0.",
+        "1 value is negative and 2 values are not finite: they are read as 0.",
         "Its background is 7: it is read as 0.",
     ]
 
@@ -226,6 +231,7 @@ def test_a_level_set_is_read_as_it_is(tmp_path: Path) -> None:
     np.testing.assert_array_equal(description.media[0].grid.leaf_values[0], np.maximum(values, 0).astype(np.float32))
     assert told[0] == ("volume-values", FIELD)
     assert "level set" in messages[0]
+    assert "sdfToFogVolume" in messages[0]
 
 
 def test_too_many_voxels(tmp_path: Path) -> None:
