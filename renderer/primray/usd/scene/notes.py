@@ -15,6 +15,7 @@ from pxr import Usd, UsdGeom
 
 from ..materials.materialx.document_marks import NOTES
 from ..skinning.bindings import JOINT_WEIGHTS, has_weights, why_unposed
+from ..stage.metadata import default_prim
 from ..stage.values import read
 from .context import Context
 from .inheritance import ResolvedPrim, is_drawn
@@ -41,6 +42,7 @@ UNSUPPORTED = frozenset(_GEOMETRY.split())
 _LIGHTS = "GeometryLight PluginLight LightFilter PluginLightFilter"
 UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
 
+_FOG = "PrimrayFogAPI"
 _LIGHT_SCHEMAS = {"LightAPI", "MeshLightAPI", "VolumeLightAPI"}
 _TYPES_NOTED = UNSUPPORTED | UNSUPPORTED_LIGHTS | {"PortalLight"}
 _UNLIT = frozenset({"Points", "BasisCurves", "HermiteCurves", "NurbsCurves"})
@@ -61,6 +63,7 @@ def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: fro
         or JOINT_WEIGHTS in properties
         or NOTES in properties
         or "MotionAPI" in names
+        or _FOG in names
         or names & PHYSICAL
         or any(map(_is_unread, names))
     ):
@@ -112,6 +115,14 @@ def _note_unread(schema: str, path: str, ctx: Context) -> None:
     ctx.warn("api-schema", path, message)
 
 
+def _note_fog(prim: ResolvedPrim, ctx: Context) -> None:
+    if prim.type_name != "Camera" and str(prim.prim.GetPath()) != default_prim(ctx.stage):
+        message = (
+            f"{_FOG}: Only the stage's default prim and cameras have fog: it is ignored. Fill a shape for fog in one place."
+        )
+        ctx.warn("api-schema", prim.path, message)
+
+
 def _note_weights(prim: ResolvedPrim, schemas: list[str], ctx: Context) -> None:
     if is_drawn(prim.inherited, ctx.purposes) and has_weights(prim.prim):
         reason = why_unposed(prim.prim, ctx.stage.GetPrimAtPath(prim.path), schemas)
@@ -158,6 +169,8 @@ def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Contex
                 ctx.warn("light-input", prim.path, not_for_type(schema, prim.type_name))
         elif schema == "MotionAPI":
             _note_motion(prim, ctx)
+        elif schema == _FOG:
+            _note_fog(prim, ctx)
         elif _is_unread(schema):
             _note_unread(schema, prim.path, ctx)
 

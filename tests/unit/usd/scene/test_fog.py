@@ -56,6 +56,13 @@ def test_the_default_prim_has_it() -> None:
     assert upright.up == (0.0, 0.0, 1.0)
 
 
+def test_elsewhere_it_is_reported() -> None:
+    elsewhere = f'def Xform "Set" (prepend apiSchemas = ["PrimrayFogAPI"]) {{\n{FOG}}}\n'
+    found, said = fog_of("", "", elsewhere)
+    assert found is None
+    assert said == [("api-schema", "")]
+
+
 def test_the_cameras_wins_as_a_whole() -> None:
     found, _ = fog_of(FOG, "    float primray:fog:density = 1\n    float primray:fog:top = 0\n")
     assert found is not None
