@@ -267,9 +267,8 @@ class FirstHitTask {
       if (covering.share > 0) add_covering(planes_.coverage.by_pixel[pixel_of(x[i], y[i])], covering);
     };
     const auto collide = [&](B m, const WayToHit<W>& way, I vertex) {
-      return volumes_.collide(m, way, sampler, vertex, beta, left, [&](int i, const SeenVolume& volume, float share) {
-        add(i, covering_of(volume), share);
-      });
+      return volumes_.collide(m, way, sampler, vertex, beta, left,
+                              [&](int i, const SeenVolume& volume, float share) { add(i, covering_of(volume), share); });
     };
     const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, Bend<W>&) {
       const HitGroup<W> in(scene_, hit, hits);
@@ -366,11 +365,11 @@ class FirstHitTask {
         left = select(here, left * (1.0f - presence), left);
         return hit & (left > F(0.0f));
       };
-      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time, std::ref(passed_lights),
-             std::ref(cross_volumes), std::ref(seen));
+      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time, std::ref(passed_lights), std::ref(cross_volumes),
+             std::ref(seen));
       // Add in the order of the samples, so that the result does not depend on the lane count.
       for (int i = 0; i < W && at + i < slots; ++i) {
-        const float own[kSums] = {albedo.x[i],  albedo.y[i],  albedo.z[i],  emission.x[i], emission.y[i],    emission.z[i],
+        const float own[kSums] = {albedo.x[i],  albedo.y[i],  albedo.z[i],  emission.x[i], emission.y[i],  emission.z[i],
                                   opacity.x[i], opacity.y[i], opacity.z[i], depth[i],      depth_weight[i]};
         for (int c = 0; c < kSums; ++c) sums[c] += own[c];
         if (index[i] != kFilteredSamples - 1) continue;

@@ -20,10 +20,10 @@ namespace primray {
 template <int W>
 struct WayToHit {
   Rays<W> ray;
-  vfloat<W> end, light;        // distance of the surface, and of a light that covers what is behind it; kInfinity: none
-  vbool<W> closed;             // a surface or the far plane ends it
-  vint<W> sets;                // filled shapes that it is in (VolumeSets)
-  vfloat<W> origin_distance;   // distance before the origin that media fill as well
+  vfloat<W> end, light;       // distance of the surface, and of a light that covers what is behind it; kInfinity: none
+  vbool<W> closed;            // a surface or the far plane ends it
+  vint<W> sets;               // filled shapes that it is in (VolumeSets)
+  vfloat<W> origin_distance;  // distance before the origin that media fill as well
 };
 
 // A volume that light collides with: a row of VolumeTable::media, a filled shape, or the fog.
@@ -78,8 +78,9 @@ class FirstHitVolumes {
         const TrackingTask<W> task = medium_task<W>(volumes, columns(), tasks, fresh, numbers);
         const MediumLanes<W> medium(volumes, gather<W>(tasks.instance, numbers));
         events.grids = &volumes.grids;
-        events.begin(fresh, task.segment,
-                     {medium.albedo(), medium.albedo_grid(), {medium.albedo_shift(0), medium.albedo_shift(1), medium.albedo_shift(2)}});
+        events.begin(
+            fresh, task.segment,
+            {medium.albedo(), medium.albedo_grid(), {medium.albedo_shift(0), medium.albedo_shift(1), medium.albedo_shift(2)}});
         return task;
       };
       const auto store_task = [&](B done, I numbers, const OpacityEvents<W>& events) {
@@ -101,7 +102,8 @@ class FirstHitVolumes {
   }
 
   // Finds the collisions of camera rays of the image, whose throughput is `beta`. Calls cover(lane, volume, share) for each
-  // volume that takes the share of what is left of the ray, and multiplies `left` by what remains. Returns the lanes that go on.
+  // volume that takes the share of what is left of the ray, and multiplies `left` by what remains. Returns the lanes that go
+  // on.
   using Cover = std::function<void(int, const SeenVolume&, float)>;
   B collide(B m, const WayToHit<W>& way, const Sampler<W>& sampler, I vertex, V& beta, F& left, const Cover& cover) {
     F end = way.end;
@@ -133,7 +135,8 @@ class FirstHitVolumes {
       }
       const B scatters = m & medium.scatters();
       if (medium.any_volumes) {
-        for (uint32_t b = bits(m & !scatters); b; b &= b - 1) absorb_in_shapes(__builtin_ctz(b), medium, end, beta, left, cover);
+        for (uint32_t b = bits(m & !scatters); b; b &= b - 1)
+          absorb_in_shapes(__builtin_ctz(b), medium, end, beta, left, cover);
         if (any_of(scatters)) {
           const Pair<W> u = sampler.pair(vertex + I(1), Purpose::kLens);
           const DistanceSample<W> step = sample_distance(medium, beta, end, u.u, u.v);

@@ -31,10 +31,10 @@ struct OpacityEvents {
   F most{0.0f};  // its largest channel
   F greatest{0.0f}, least_rate{0.0f};
   AlbedoLookup<W> albedo;
-  V left{F(1.0f)};                       // transmittance
-  V colored{F(0.0f)};                    // integral of the albedo over what collides
-  F weighted_distance{0.0f};             // integral of the distance, by the mean of the channels
-  static constexpr float kLeast = 16;    // events in a grid's box
+  V left{F(1.0f)};                        // transmittance
+  V colored{F(0.0f)};                     // integral of the albedo over what collides
+  F weighted_distance{0.0f};              // integral of the distance, by the mean of the channels
+  static constexpr float kLeast = 16;     // events in a grid's box
   static constexpr float kFaint = 1e-3f;  // transmittance below which the rest is left out
 
   PRIMRAY_INLINE void begin(B fresh, const GridSegment<W>& s, const AlbedoLookup<W>& of) {
