@@ -12,6 +12,7 @@ import numpy.typing as npt
 import OpenImageIO as oiio
 import pytest
 from pxr import Usd
+from tests.unit.usd.volumes.volume_text import grid, volume_text, write
 
 import primray
 from primray.cli import run, shots
@@ -145,6 +146,17 @@ def test_the_ground_touches_the_lowest_point(up: str) -> None:
     a, b, c = mesh.points[mesh.triangles[0]]  # type: ignore[union-attr]
     assert np.cross(b - a, c - a)[axis] > 0
     assert with_requested_additions(description, RenderSettings(), Diagnostics()) is description
+
+
+def test_smoke_above_a_ground_that_only_its_shadow_shows_is_seen(tmp_path: Path) -> None:
+    """All surfaces are hidden from the camera, and yet the picture is not empty and has an error."""
+    write(tmp_path, grid(2.0))
+    smoke = volume_text(None, "float3 xformOp:scale = (0.1, 0.1, 0.1)\nuniform token[] xformOpOrder = ['xformOp:scale']")
+    stage = stage_of(smoke.replace("./smoke.vdb", str(tmp_path / "smoke.vdb")))
+    image = rendered(stage, ground="shadow", resolution=(32, 24), spp=4)
+    assert image.pixels[..., :3].max() > 0
+    assert image.report["error"] is not None
+    assert "empty-picture" not in {told["code"] for told in image.report["diagnostics"]}
 
 
 def test_only_the_shadow_on_a_ground_is_seen() -> None:

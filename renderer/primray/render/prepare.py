@@ -176,6 +176,7 @@ def _prepare(
         scene.bounds is not None
         and bool(description.surfaces)
         and all(surface.camera is CameraVisibility.HIDDEN for surface in description.surfaces)
+        and not (description.media or description.volume_emissions)  # the camera sees all Volumes
     )
     prepared = replace(prepared, ground_shadow=ground_shadow)
     return replace(prepared, assets=assets, labels=labels, stage=usd.stage_name(stage), hidden_from_camera=hidden)
