@@ -4,10 +4,10 @@
 #   docker run -p 8700:8700 -v primray-data:/data primray
 #
 # Build arguments: PIP_CERT, a file mounted into the build with the certificates that pip is to trust (behind a proxy of your own);
-# EXTRAS, what is installed of primray's extras (denoise: Open Image Denoise; s3: --data s3://..., volumes: OpenVDB files compressed by Blosc). The server and the nodes of a
+# EXTRAS, what is installed of primray's extras (denoise: Open Image Denoise; s3: --data s3://...). The server and the nodes of a
 # Ray cluster need `ray` too, all by the same image:
 #
-#   docker build -t primray:ray --build-arg EXTRAS=server,postgres,otel,denoise,s3,volumes,ray .
+#   docker build -t primray:ray --build-arg EXTRAS=server,postgres,otel,denoise,s3,ray .
 
 FROM docker.io/library/debian:12-slim AS build
 ARG PIP_CERT
@@ -24,7 +24,7 @@ COPY pyproject.toml LICENSE NOTICE README.md ./
 COPY renderer renderer
 COPY service service
 COPY schemas/usd schemas/usd
-ARG EXTRAS=server,postgres,otel,denoise,s3,volumes
+ARG EXTRAS=server,postgres,otel,denoise,s3
 # What was compiled is found again by the next build, if its sources are the same.
 RUN --mount=type=cache,target=/ccache \
     PATH="/build/bin:$PATH" CXX=g++ CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_DIR=/ccache \

@@ -109,7 +109,13 @@ def test_the_conda_recipe_is_of_this_version() -> None:
     needs = dict(re.findall(r"^([\w-]+)(.*)", "\n".join(PROJECT["project"]["dependencies"]), re.MULTILINE))
     assert needs["embreex"] == f"=={RECIPE['context']['embreex']}"
     listed = {each.split()[0]: "".join(each.split()[1:]) for each in RECIPE["requirements"]["run"]}
-    own = {"usd-core": "openusd", "OpenImageIO": "py-openimageio", "opencolorio": "py-opencolorio", "MaterialX": "materialx"}
+    own = {
+        "usd-core": "openusd",
+        "OpenImageIO": "py-openimageio",
+        "opencolorio": "py-opencolorio",
+        "MaterialX": "materialx",
+        "blosc": "python-blosc",
+    }
     for name, version in needs.items():
         if name != "embreex":
             assert listed[own.get(name, name)] == version, name
