@@ -66,7 +66,9 @@ PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
   p.ray = {ray.o, ray.d, ray.tnear, ray.tfar, time};
   p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
   p.lpe_diffuse = p.lpe_other = I(0);
-  p.bsdf_pdf = p.travelled = p.first_received = F(0.0f), p.splits = F(1.0f);
+  p.bsdf_pdf = p.travelled = p.first_received = F(0.0f);
+  // 0: not split yet.
+  p.splits = F(round.settings.splits > 1 || round.settings.light_samples > 1 ? 0.0f : 1.0f);
   p.cone_width = F(scene.camera.cone_width()), p.cone_spread = F(scene.camera.cone_spread());
   p.slot = load<W>(slot), p.depth = p.vertex = I(0);
   if (PathLog* const log = path_log<W>(round))
@@ -94,8 +96,9 @@ void refill(Round& round, int slots) {
   PathPool& pool = *round.worker.pool;
   round.first_camera = pool.count;
   const int splits = round.settings.splits;
-  // Every camera path may split, so leave room for its parts.
-  while (round.next_slot < slots && pool.count + (splits - 1) * (pool.count - round.first_camera) + splits * W <= kPool) {
+  // Every path that is whole may split, so leave room for its parts.
+  const int whole = splits > 1 ? int(std::count(pool.splits, pool.splits + pool.count, 0.0f)) : 0, others = pool.count - whole;
+  while (round.next_slot < slots && others + splits * (pool.count - others + W) <= kPool) {
     const int n = std::min(W, slots - round.next_slot);
     const PathLanes<W> paths = camera_paths<W>(round, slots);
     vbool<W> starts = lane_numbers<W>() < vint<W>(n);

@@ -45,7 +45,7 @@ PRIMRAY_INLINE void scatter_unlit(Round& round, vbool<W> scatters, const PathLan
   vbool<W> alive = scatters & (max_component(n.beta) > F(0.0f)) & (n.depth <= vint<W>(round.settings.max_depth));
   const vbool<W> thins = alive & (bounce >= vint<W>(kRouletteStart));
   const F most = select(bounce >= vint<W>(kMediumDeep), F(kMediumDeepKeep), F(1.0f));
-  const F survive = select(thins, min(max_component(n.beta) * n.splits * kRouletteKeep, most), F(1.0f));
+  const F survive = select(thins, min(max_component(n.beta) * parts_of(n) * kRouletteKeep, most), F(1.0f));
   if (any(thins & (survive < F(1.0f)))) {
     alive &= !(thins & (n.sampler.single(bounce, Purpose::kRoulette) >= survive));
     n.beta = n.beta * (1.0f / survive);

@@ -273,7 +273,7 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
 template <int W, class Lobes>
 void sample_lights(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   const int samples = round.settings.light_samples;
-  const vbool<W> more = scatters & (p.vertex == vint<W>(0)) & !v.bsdf.mirror;
+  const vbool<W> more = scatters & is_whole(p) & !v.bsdf.mirror;
   if (samples == 1 || !any(more)) return sample_light(round, scatters, v, p);
   PathLanes<W> part = split_part(p, more, samples);
   for (int k = 0; k < samples; ++k) {

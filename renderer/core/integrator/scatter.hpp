@@ -102,7 +102,7 @@ PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vf
   constexpr int kDeep = kInMedium ? kMediumDeep : kRouletteDeep;
   constexpr float kDeepKeep = kInMedium ? kMediumDeepKeep : kRouletteDeepKeep;
   const F most = select(bounce >= I(kDeep), F(kDeepKeep), F(1.0f));
-  F expected_weight = max_component(n.beta) * n.splits * kRouletteKeep;
+  F expected_weight = max_component(n.beta) * parts_of(n) * kRouletteKeep;
   if (round.needs.first_received)
     expected_weight = select(n.first_received > F(0.0f), max(expected_weight * expected, kLeastSurvival), expected_weight);
   survive = select(roulette, min(expected_weight, most), survive);
@@ -230,12 +230,13 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   round.worker.next->append(c, n, round.needs);
 }
 
-// Splits each path at its first surface that is not a mirror: more work goes to what follows than to finding that surface.
+// Splits each path at its first surface that is not a mirror, behind glass and gaps as well: more work goes to what follows
+// than to finding that surface.
 template <int W, class Lobes>
 void scatter(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   const int splits = round.settings.splits;
-  const vbool<W> split = scatters & (p.vertex == vint<W>(0)) & !v.bsdf.mirror;
-  if (splits == 1 || !any(split)) return scatter_once(round, scatters, v, p);
+  const vbool<W> split = scatters & is_whole(p) & !v.bsdf.mirror;
+  if (!any(split)) return scatter_once(round, scatters, v, p);
   PathLanes<W> part = split_part(p, split, splits);
   part.splits = select(split, vfloat<W>(float(splits)), p.splits);
   for (int k = 0; k < splits; ++k) {

@@ -61,6 +61,16 @@ PRIMRAY_RARE void continue_straight(Round& round, vbool<W> lanes, const PathLane
 // Parts of a split path: each carries an equal share of the throughput, and they take consecutive indices of a sample sequence
 // that is `parts` times longer.
 
+// Returns the lanes whose path has not come to the surface where it splits, or where it takes several light samples.
+template <int W>
+PRIMRAY_INLINE vbool<W> is_whole(const PathLanes<W>& p) {
+  return p.splits == vfloat<W>(0.0f);
+}
+template <int W>
+PRIMRAY_INLINE vfloat<W> parts_of(const PathLanes<W>& p) {
+  return select(is_whole(p), vfloat<W>(1.0f), p.splits);
+}
+
 // Returns one of `parts` parts in lanes `split`, not yet numbered; other lanes keep the path.
 template <int W>
 PRIMRAY_INLINE PathLanes<W> split_part(const PathLanes<W>& p, vbool<W> split, int parts) {

@@ -48,7 +48,7 @@ struct PathLanes {
   Rays<W> ray;
   vvec3<W> beta;        // throughput
   vfloat<W> bsdf_pdf;   // solid-angle density of the ray's direction; 0: camera ray or delta lobe
-  vfloat<W> splits;     // number of parts that the sample was split into
+  vfloat<W> splits;     // number of parts that the sample was split into; 0: not yet
   vfloat<W> travelled;  // see PathPool
   vfloat<W> cone_width, cone_spread;
   vvec3<W> diffuse_share;
