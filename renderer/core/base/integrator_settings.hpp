@@ -16,7 +16,7 @@ struct IntegratorSettings {
   int max_depth = 1 << 20;  // surface scattering events; Russian roulette ends paths long before
   int threads = 1;
   uint32_t seed = 0;
-  int splits = 0;         // 1, 2, 4 or 8 paths that continue from the first surface that is not a mirror or smooth glass; 0: to be chosen
+  int splits = 0;         // 1, 2, 4 or 8 paths from the first surface that is neither mirror nor smooth glass; 0: to be chosen
   int light_samples = 1;  // 1, 2 or 4 light samples there
   // Number of samples of each replicate and pixel that are points of one sequence over the screen, which makes the noise look
   // finer; a power of two. 0: pixels have independent sequences, of any length.

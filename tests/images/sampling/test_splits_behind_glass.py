@@ -41,9 +41,9 @@ def room(cover: str) -> Described:
     return describe(shapes, surfaces, [lamp], perspective(look_at([0, 1.5, 6], [0, 1, 0]), 0.35), (16, 16))
 
 
-def noise(scene: Described, **values: int) -> float:
+def noise(scene: Described, splits: int) -> float:
     """Relative standard deviation of the pixels' replicates."""
-    halves = np.concatenate([replicate_means(render(scene.build(), 64, max_depth=6, seed=s, **values)) for s in range(6)])
+    halves = np.concatenate([replicate_means(render(scene.build(), 64, max_depth=6, seed=s, splits=splits)) for s in range(6)])
     return float(np.median(halves.std(axis=0, ddof=1) / halves.mean(axis=0)))
 
 
