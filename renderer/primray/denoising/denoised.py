@@ -63,8 +63,12 @@ def cross_half_error(halves: Halves, denoised: tuple[Doubles, Doubles]) -> Denoi
 
 
 def _level(mean: Doubles, squares: Doubles, halves: Halves) -> Doubles:
-    """Estimate R, the reference value of each pixel."""
-    error = np.maximum(_around(squares), 0.0)
+    """Estimate R, the reference value of each pixel.
+
+    The error counts by its size. Where it is negative by noise, R must not be smaller than where it is as much above 0:
+    weights would then favour the negative squares, and bright specks bring an estimate of 0.
+    """
+    error = np.abs(_around(squares))
     noise = _around(((halves.a - halves.b) / 2) ** 2)
     made: Doubles = mean + error / (error + noise + TINY) * (halves.mean - mean)
     return made
