@@ -378,7 +378,7 @@ def test_the_shadow_below_a_denoised_picture_is_denoised() -> None:
     pytest.importorskip("pyoidn")
     stage = stage_of(CUBE, camera=SHADE)
     image = rendered(stage, ground="shadow", denoise=True, resolution=(160, 120), spp=2)
-    clean = rendered(stage, ground="shadow", resolution=(160, 120), spp=256).pixels[..., 3]
+    clean = rendered(stage, ground="shadow", resolution=(160, 120), spp=2048).pixels[..., 3]
     assert image.denoised is not None
     beside = image.seen[..., 3] == 0
     noisy, denoised = (np.abs(made[..., 3] - clean)[beside].mean() for made in (image.pixels, image.denoised.pixels))
