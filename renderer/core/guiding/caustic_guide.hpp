@@ -75,8 +75,7 @@ template <int W>
 struct CausticLanes {
   int photons;
   vfloat<W> share, width2;
-  // Unit directions of the leaf's photons, and the probabilities of their lobes, by distance to their
-  // landing points.
+  // Unit directions of the leaf's photons, and the probabilities of their lobes, by distance to their landing points.
   vvec3<W> towards[CausticGuide::kMostInLeaf];
   vfloat<W> chance[CausticGuide::kMostInLeaf];
 

@@ -269,7 +269,7 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   queue_light_sample(round, useful, chosen, v, p, from, share);
 }
 
-// Takes one light sample per vertex; at a path's first surface that is not a mirror, as many as the pilot renders chose.
+// Takes one light sample per vertex; where a path splits, as many as the pilot renders chose.
 template <int W, class Lobes>
 void sample_lights(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   const int samples = round.settings.light_samples;

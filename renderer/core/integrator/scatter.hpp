@@ -230,8 +230,8 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   round.worker.next->append(c, n, round.needs);
 }
 
-// Splits each path at its first surface that is not a mirror, behind glass and gaps as well: more work goes to what follows
-// than to finding that surface.
+// Splits each path at its first surface that is neither mirror nor smooth glass: more work goes to what follows than to finding
+// that surface.
 template <int W, class Lobes>
 void scatter(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   const int splits = round.settings.splits;

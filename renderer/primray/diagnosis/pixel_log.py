@@ -41,7 +41,7 @@ class PixelLog:
     scene: str
     pixel: tuple[int, int]  # from the left and from the top of the frame
     camera: str
-    splits: tuple[int, int]  # paths that continue from the first surface that is not a mirror, and light samples there
+    splits: tuple[int, int]  # paths from the first surface that is neither mirror nor smooth glass, and light samples there
     value: tuple[float, float, float]  # of the pixel, as in the picture before post-processing
     alpha: float
     samples: tuple[Mapping[str, Any], ...]
