@@ -76,9 +76,18 @@ class RunningCluster:
         return [pid for pid in descendants(self._process.pid) if not _words(pid)[0].endswith(b"bwrap")]
 
     def ray_processes(self) -> list[int]:
-        """Of all nodes, but for those of tasks: gcs_server, raylet, agents."""
-        found = [int(path.name) for path in Path("/proc").glob("[0-9]*")]
-        return sorted(pid for pid in found if any(str(self.folder).encode() in word for word in _words(pid)))
+        """Of all nodes, but for those of tasks and agents: gcs_server, monitor, dashboard, raylets.
+
+        Agents write a title over their arguments and their environment as they start.
+        """
+        found = {int(path.name): _words(int(path.name)) for path in Path("/proc").glob("[0-9]*")}
+        return sorted(
+            pid
+            for pid, words in found.items()
+            if any(str(self.folder).encode() in word for word in words)
+            and not words[0].startswith(b"ray::")
+            and not any(word.endswith((b"/agent.py", b"/agent/main.py")) for word in words)
+        )
 
     def tasks(self) -> list[int]:
         """Ray's processes that have such."""

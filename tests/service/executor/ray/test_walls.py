@@ -97,9 +97,10 @@ def test_a_worker_on_a_node_reaches_nothing(
     with socket.create_server(("127.0.0.1", 0)) as server:
         targets = targets_of(cluster, node, postgres_server, server)
         here = reaching.tried(targets)
-        assert {name for name, result in here.items() if result != "allowed"} == set(), here
+        assert {name: result for name, result in here.items() if result != "allowed"} == {}
         there = asyncio.run(asked_on_the_node(tmp_path / "data", cluster, targets))
     assert set(there) == set(here) | {"variables of Ray", "open files"}
     assert {name: result for name, result in there.items() if not result.startswith("refused")} == {}
+    assert len(targets["environment"]) > 4
     assert len(targets["port"]) > 4
     assert len(targets["socket"]) > 2
