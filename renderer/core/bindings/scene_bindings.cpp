@@ -48,7 +48,7 @@ void bind_scene(nb::module_& m) {
   nb::class_<FogInput> fog(m, "FogInput");
   fog.def(nb::init<>())
       .def_rw("density", &FogInput::density)
-      .def_rw("anisotropy", &FogInput::anisotropy)
+      .def_rw("phase", &FogInput::phase)
       .def_rw("falloff", &FogInput::falloff)
       .def_prop_rw("top", nullptr, [](FogInput& f, Numbers<double> v) { f.top = dvec3_of(v); })
       .def_prop_rw("up", nullptr, [](FogInput& f, Numbers<double> v) { f.up = dvec3_of(v); });

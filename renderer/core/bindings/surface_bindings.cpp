@@ -83,7 +83,7 @@ void bind_surface(nb::module_& m) {
   hair.def(nb::init<>());
   for_each_hair_input([&](const char* name, InputRange, auto member) { def_input<HairInput>(hair, name, member); });
   nb::class_<VolumeInput> volume(m, "VolumeInput");
-  volume.def(nb::init<>()).def_rw("anisotropy", &VolumeInput::anisotropy);
+  volume.def(nb::init<>()).def_rw("phase", &VolumeInput::phase);
   def_vec3(volume, "extinction", &VolumeInput::extinction), def_vec3(volume, "scattering", &VolumeInput::scattering);
   def_vec3(volume, "emission", &VolumeInput::emission);
   nb::enum_<CameraVisibility>(m, "CameraVisibility")

@@ -39,7 +39,7 @@ void bind_volumes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
   medium.def(nb::init<>())
       .def_rw("grid", &HeldMedium::grid)
       .def_rw("albedo_grid", &HeldMedium::albedo_grid)
-      .def_rw("anisotropy", &HeldMedium::anisotropy);
+      .def_rw("phase", &HeldMedium::phase);
   def_vec3(medium, "extinction", &HeldMedium::extinction);
   def_vec3(medium, "albedo", &HeldMedium::albedo);
   def_instances(medium);

@@ -39,7 +39,7 @@ struct CameraVisibilityTable {
 // Homogeneous medium inside a closed shape, per world unit of length; `emission` is radiance per length.
 struct VolumeInput {
   vec3 extinction{0.0f}, scattering{0.0f}, emission{0.0f};
-  float anisotropy = 0;
+  float phase = 0;  // see medium/phase_function.hpp
 };
 
 // Inputs with the names of UsdPreviewSurface (scene description, not lanes).

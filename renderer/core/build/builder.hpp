@@ -33,7 +33,7 @@ class PlacedNormals {
 struct FogInput {
   double density = 0;
   vec3 albedo{0.0f}, emission{0.0f};
-  float anisotropy = 0;
+  float phase = 0;  // see medium/phase_function.hpp
   dvec3 top{0.0, 0.0, 0.0}, up{0.0, 0.0, 0.0};
   double falloff = 0;
 };

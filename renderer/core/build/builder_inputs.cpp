@@ -28,14 +28,14 @@ void SceneBuilder::add_volume(int32_t surface, const SurfaceInput& s) {
   interiors.volume_of.resize(size_t(surface), -1);
   interiors.volume_of.push_back(int32_t(interiors.volumes.size()));
   interiors.volumes.push_back(
-      {v.extinction * per_length, v.scattering * per_length, v.emission * per_length, v.anisotropy, s.camera});
+      {v.extinction * per_length, v.scattering * per_length, v.emission * per_length, v.phase, s.camera});
 }
 
 void SceneBuilder::set_fog(const FogInput& input) {
   const double scale = scene_->scale;
   Fog& fog = scene_->interiors.fog;
   fog.extinction = float(input.density / scale), fog.albedo = input.albedo;
-  fog.emission = input.emission * float(1 / scale), fog.phase = input.anisotropy;
+  fog.emission = input.emission * float(1 / scale), fog.phase = input.phase;
   fog.up = vec3(input.up), fog.top = float(dot(input.up, input.top - scene_->origin) * scale);
   fog.falloff = float(input.falloff * scale);
 }

@@ -62,7 +62,7 @@ PRIMRAY_RARE void add_media(vbool<W> m, const RayMedium<W>& medium, vfloat<W> en
 template <int W>
 struct MediumAtPoint {
   vvec3<W> scattering{vfloat<W>(0.0f)};
-  vfloat<W> anisotropy{0.0f};
+  vfloat<W> phase{0.0f};
   vfloat<W> weight{0.0f};  // sum of what was offered
 
   // Offers a medium, which is chosen by what it scatters; `u` in [0, 1).
@@ -71,7 +71,7 @@ struct MediumAtPoint {
     const vbool<W> chosen = m & (w > vfloat<W>(0.0f)) & (u * (weight + w) < w);
     weight += w;
     // Scaled by the sum over all when that is known.
-    scattering = select(chosen, own * (1.0f / max(w, 1e-30f)), scattering), anisotropy = select(chosen, g, anisotropy);
+    scattering = select(chosen, own * (1.0f / max(w, 1e-30f)), scattering), phase = select(chosen, g, phase);
   }
   PRIMRAY_INLINE vvec3<W> scattered() const { return scattering * weight; }
 };
@@ -97,7 +97,7 @@ PRIMRAY_RARE void offer_volumes(const VolumeTable& volumes, vbool<W> m, const vv
                                      near.z + vint<W>(medium.albedo_shift[2]));
     }
     const vvec3<W> extinction{F(medium.extinction[0]), F(medium.extinction[1]), F(medium.extinction[2])};
-    at.offer(m & (density > F(0.0f)), extinction * albedo * density, F(medium.anisotropy), numbers(5));
+    at.offer(m & (density > F(0.0f)), extinction * albedo * density, F(medium.phase), numbers(5));
   }
 }
 
@@ -214,7 +214,7 @@ PRIMRAY_RARE void send_along_rays(Round& round) {
         if (!(p.slot[i] & kSettled)) p.slot.set(i, round.deep->lit(p.slot[i], depth_at(scene, p.ray, t[i], i), true));
       }
     const MediumInterface<W> media{own, Boundary<W>(own.stack), {}};
-    with_phase_vertex(round, p, vint<W>(-1), t, medium.anisotropy, round.follows_media() ? &media : nullptr,
+    with_phase_vertex(round, p, vint<W>(-1), t, medium.phase, round.follows_media() ? &media : nullptr,
                       [&](const auto& v) { queue_light_sample(round, lit, chosen, v, p, v.it.p, F(1.0f)); });
   }
 }

@@ -46,8 +46,8 @@ PRIMRAY_RARE void collide_in_volumes(Round& round) {
 // Scatters at distance `t` along the rays as at any vertex.
 template <int W>
 PRIMRAY_RARE void scatter_in_volume(Round& round, vbool<W> scatters, const PathLanes<W>& p, const Hits<W>& hits,
-                                    vfloat<W> anisotropy, const MediumInterface<W>* media) {
-  with_phase_vertex(round, p, hits.prim, hits.t, anisotropy, media, [&](const auto& v) {
+                                    vfloat<W> phase, const MediumInterface<W>* media) {
+  with_phase_vertex(round, p, hits.prim, hits.t, phase, media, [&](const auto& v) {
     if (round.scene.lights.count > 0) sample_lights(round, scatters, v, p);
     scatter(round, scatters, v, p);
   });
@@ -83,11 +83,11 @@ PRIMRAY_RARE void shade_volume_lanes(Round& round, int at, vbool<W> collides, Pa
     if (!any(scatters)) log->end(p, "the maximum depth is reached, or the volume only absorbs");
   }
   if (!any(scatters)) return;
-  if (!in_media) return scatter_in_volume<W>(round, scatters, p, hits, medium.anisotropy(), nullptr);
+  if (!in_media) return scatter_in_volume<W>(round, scatters, p, hits, medium.phase(), nullptr);
   MediumState<W> state = round.worker.medium_states->pool->template at<W>(at);
   state.origin_distance = F(0.0f);
   const MediumInterface<W> media{state, Boundary<W>(state.stack), {}};
-  scatter_in_volume<W>(round, scatters, p, hits, medium.anisotropy(), &media);
+  scatter_in_volume<W>(round, scatters, p, hits, medium.phase(), &media);
 }
 
 // Scatters the paths that collide in volumes; the others stay in the pool.

@@ -75,7 +75,8 @@ void log_lobes(PathLog& log, const PathLanes<1>& p, const Vertex<1, Lobes>& v) {
   PathLog::Event& event = log.add("lobes", p);
   if constexpr (Lobes::kInMedium) {
     event.why = "phase function";
-    event.put("mean_cosine", v.bsdf.phase);
+    event.put("mean_cosine", mean_cosine(v.bsdf.phase));
+    if (any(is_droplets(v.bsdf.phase))) event.put("droplet_diameter", v.bsdf.phase - kDroplets);
     return;
   } else {
     if constexpr (requires { v.bsdf.hair; }) {

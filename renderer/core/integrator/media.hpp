@@ -8,6 +8,7 @@
 #include "integrator/rays/path_pool.hpp"
 #include "medium/medium.hpp"
 #include "medium/medium_stack.hpp"
+#include "medium/phase_function.hpp"
 #include "medium/ray_medium.hpp"
 
 namespace primray {
@@ -21,9 +22,8 @@ struct PhaseLobes : Bsdf<W> {
   vfloat<W> phase;
   vint<W> path{-1};  // of the pool when its ray was traced; -1: no lights are sampled along the ray (integrator/along_rays.hpp)
 
-  explicit PhaseLobes(vfloat<W> mean_cosine)
-      : Bsdf<W>(plain(), vbool<W>(false), {vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f)}, vbool<W>(true)),
-        phase(mean_cosine) {}
+  explicit PhaseLobes(vfloat<W> phase)
+      : Bsdf<W>(plain(), vbool<W>(false), {vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f)}, vbool<W>(true)), phase(phase) {}
 
   static vbool<W> lets_through() { return vbool<W>(true); }
   PRIMRAY_INLINE BsdfEval<W> eval(const vvec3<W>&, const vvec3<W>& wi) const {

@@ -9,8 +9,8 @@ namespace primray {
 // Calls f(v) for the vertex at distance `t` along the rays, with a phase function for its lobes. `path`: see PhaseLobes.
 // `media`: the medium state there, if media are followed.
 template <int W, class F>
-PRIMRAY_INLINE void with_phase_vertex(const Round& round, const PathLanes<W>& p, vint<W> path, vfloat<W> t,
-                                      vfloat<W> anisotropy, const MediumInterface<W>* media, const F& f) {
+PRIMRAY_INLINE void with_phase_vertex(const Round& round, const PathLanes<W>& p, vint<W> path, vfloat<W> t, vfloat<W> phase,
+                                      const MediumInterface<W>* media, const F& f) {
   const vvec3<W> back = -p.ray.d;
   Interaction<W> it;
   it.p = p.ray.o + p.ray.d * t, it.ng = it.ns = back;
@@ -21,7 +21,7 @@ PRIMRAY_INLINE void with_phase_vertex(const Round& round, const PathLanes<W>& p,
   it.color = vvec3<W>(vfloat<W>(1.0f));
   const Hits<W> hits{};
   const vvec3<W> head_on(vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f));
-  PhaseLobes<W> lobes(anisotropy);
+  PhaseLobes<W> lobes(phase);
   lobes.path = path;
   f(Vertex<W, PhaseLobes<W>>{
       it, back, Frame<vfloat<W>>(back), head_on, lobes, hits, {vint<W>(-1), vint<W>(0)}, nullptr, media});

@@ -31,7 +31,7 @@ PRIMRAY_RARE bool find_glossy(vbool<W> scatters, const Lobes& b, const vvec3<W>&
   return any(s.m);
 }
 
-// Least mean cosine of phase functions that influence the choice.
+// Least mean cosine of phase functions of Henyey and Greenstein that influence the choice; those of droplets always do.
 constexpr float kLeastPhase = 0.6f;
 
 // Finds the lanes of `scatters` in media that scatter forwards or backwards, seen along unit wo (world space).

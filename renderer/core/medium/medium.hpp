@@ -1,4 +1,4 @@
-// Homogeneous participating media, in lanes: transmittance, distance sampling and phase function.
+// Homogeneous participating media, in lanes: transmittance and distance sampling.
 //
 // Distances are sampled by the extinction of one channel and weighted by the mean of the densities of all three, each by its
 // share of the path's throughput (one-sample multiple importance sampling; Miller, Georgiev and Jarosz 2019, "A null-scattering
@@ -18,7 +18,7 @@ constexpr float kEndless = 1e30f;
 template <int W>
 struct Medium {
   vvec3<W> extinction{vfloat<W>(0.0f)}, scattering{vfloat<W>(0.0f)};  // per unit of the core's lengths
-  vfloat<W> phase{0.0f};                                              // mean cosine of the phase function
+  vfloat<W> phase{0.0f};                                              // see medium/phase_function.hpp
   PRIMRAY_INLINE vbool<W> exists() const { return max_component(extinction) > vfloat<W>(0.0f); }
   PRIMRAY_INLINE vbool<W> scatters() const { return max_component(scattering) > vfloat<W>(0.0f); }
   // Transmittance over distance `t`.
@@ -57,27 +57,6 @@ PRIMRAY_INLINE DistanceSample<W> sample_distance(const Medium<W>& medium, const 
   const V at_scattering = beta * medium.scattering * left * (1.0f / max(by_scattering, 1e-30f));
   s.beta = select(s.scatters, at_scattering, beta * left * (1.0f / max(by_end, 1e-30f)));
   return s;
-}
-
-// Phase function of Henyey and Greenstein with mean cosine g (1941, "Diffuse radiation in the galaxy"), per solid angle.
-template <int W>
-PRIMRAY_INLINE vfloat<W> phase_density(vfloat<W> cosine, vfloat<W> g) {
-  const vfloat<W> q = max(1.0f + g * g - 2.0f * g * cosine, 1e-12f);
-  return (1.0f - g * g) * 0.0795774715f / (q * sqrt(q));
-}
-
-// Samples the phase function: the direction of propagation, about +z.
-template <int W>
-PRIMRAY_INLINE vvec3<W> sample_phase(vfloat<W> g, vfloat<W> u, vfloat<W> v) {
-  using F = vfloat<W>;
-  const F even = 1.0f - 2.0f * u, q = (1.0f - g * g) / (1.0f + g * even);
-  const vbool<W> flat = abs(g) < F(1e-3f);
-  // First terms of its series near 0.
-  const F peaked = (1.0f + g * g - q * q) / select(flat, F(1.0f), 2.0f * g);
-  const F cosine = clamp(select(flat, even + 1.5f * g * (1.0f - even * even), peaked), -1.0f, 1.0f);
-  const F sine = safe_sqrt(1.0f - cosine * cosine);
-  const SinCos<W> phi = sincos_turns(v);
-  return {sine * phi.cos, sine * phi.sin, cosine};
 }
 
 }  // namespace primray

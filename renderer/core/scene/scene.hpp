@@ -77,7 +77,7 @@ constexpr int kMaxNestedMedia = 4;
 // Homogeneous medium inside a closed shape, per unit of the core's lengths; `emission` is radiance per length.
 struct Volume {
   vec3 extinction, scattering, emission;
-  float phase;  // mean cosine of the phase function
+  float phase;  // see medium/phase_function.hpp
   CameraVisibility camera;
 };
 // A volume that contains a point: the shape, and the instance that places it (-1: none).

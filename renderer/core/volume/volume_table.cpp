@@ -168,7 +168,7 @@ std::vector<int64_t> VolumeTable::add_medium(const MediumInput& input, const daf
     throw Error("internal", "a medium refers to a grid that does not exist");
   const dvec3 first = first_voxels[size_t(input.grid)];
   Medium medium{};
-  medium.grid = input.grid, medium.albedo_grid = input.albedo_grid, medium.anisotropy = input.anisotropy;
+  medium.grid = input.grid, medium.albedo_grid = input.albedo_grid, medium.phase = input.phase;
   put(input.extinction, 1.0 / scale, medium.extinction), put(input.albedo, 1.0, medium.albedo);
   if (input.albedo_grid >= 0) {
     const dvec3 shift = first - first_voxels[size_t(input.albedo_grid)];

@@ -24,7 +24,7 @@ struct MediumInput {
   vec3 extinction{0.0f, 0.0f, 0.0f};  // per unit of density and of the scene's lengths
   vec3 albedo{1.0f, 1.0f, 1.0f};      // single-scattering albedo
   int albedo_grid = -1;               // its values are multiplied with the albedo, voxel by voxel; -1: none
-  float anisotropy = 0;               // mean cosine of the phase function
+  float phase = 0;                    // see medium/phase_function.hpp
   VolumeInstances instances;
 };
 
@@ -79,7 +79,7 @@ struct VolumeTable {
     int32_t albedo_shift[3];  // from voxels of `grid` to those of `albedo_grid`
     float extinction[3];      // per unit of density and of the core's lengths
     float albedo[3];
-    float anisotropy;
+    float phase;
   };
   std::vector<Medium> media;
   VolumePlacements in_media;

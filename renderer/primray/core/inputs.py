@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TypeVar
 
-from ..description import Surface
+from ..description import Fog, HomogeneousVolume, Surface, VolumeMedium
 from ..settings import RenderSettings
 from . import compiled
 from .native import max_depth
 
 Made = TypeVar("Made")
 _FILLED_APART = frozenset({"path", "inputs", "pattern", "open_pbr", "hair", "camera", "volume"})  # of a Surface
+_DROPLETS = 2.0  # where phase functions of droplets begin: kDroplets in medium/phase_function.hpp
 
 
 def filled(made: Made, **values: object) -> Made:
@@ -39,11 +40,16 @@ def surface_input(surface: Surface) -> compiled.SurfaceInput:
             extinction=volume.extinction,
             scattering=volume.scattering,
             emission=volume.emission,
-            anisotropy=volume.anisotropy,
+            phase=phase_number(volume),
         )
     if surface.hair is not None:
         made.hair = filled(compiled.HairInput(), **{f.name: getattr(surface.hair, f.name) for f in fields(surface.hair)})
     return made
+
+
+def phase_number(medium: Fog | HomogeneousVolume | VolumeMedium) -> float:
+    """Return the core's number of a phase function (medium/phase_function.hpp)."""
+    return _DROPLETS + medium.droplets if medium.droplets > 0 else medium.anisotropy
 
 
 def integrator_settings(settings: RenderSettings, **values: object) -> compiled.IntegratorSettings:

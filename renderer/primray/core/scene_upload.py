@@ -31,7 +31,7 @@ from ..description.placement import Box, chunks, named_levels, placed_box, trans
 from ..description.volumes import volume_boxes
 from ..lens.distortion import Distortion
 from . import compiled
-from .inputs import filled
+from .inputs import filled, phase_number
 from .light_upload import LightGroups, LightUpload
 from .motion_times import with_common_times
 from .scene_record import SceneRecord, ShapeRows
@@ -303,7 +303,7 @@ def fog_input(fog: Fog) -> compiled.FogInput:
         density=fog.density,
         albedo=fog.albedo,
         emission=fog.emission,
-        anisotropy=fog.anisotropy,
+        phase=phase_number(fog),
         top=[axis * (fog.top or 0.0) for axis in fog.up],
         up=(0.0, 0.0, 0.0) if fog.top is None else fog.up,
         falloff=fog.falloff,

@@ -12,7 +12,7 @@ from ..description import VolumeEmission, VolumeMedium
 from ..description.motion import handed_over
 from ..volumes.volume_grid import VolumeGrid
 from . import compiled
-from .inputs import filled
+from .inputs import filled, phase_number
 
 
 class VolumeUpload:
@@ -31,7 +31,7 @@ class VolumeUpload:
                 albedo_grid=-1 if medium.albedo_grid is None else self._grid(medium.albedo_grid),
                 extinction=medium.extinction,
                 albedo=medium.albedo,
-                anisotropy=medium.anisotropy,
+                phase=phase_number(medium),
                 **_instances(medium),
             )
             self._note(medium.path, len(self._builder.add_medium(made)))

@@ -20,6 +20,7 @@ class Fog:
     albedo: Vector = (1.0, 1.0, 1.0)  # scattered share of the extinction
     emission: Vector = (0.0, 0.0, 0.0)
     anisotropy: float = 0.0  # mean cosine of the phase function (Henyey and Greenstein)
+    droplets: float = 0.0  # diameter of water droplets in micrometres, whose phase function it has; 0: none
     top: float | None = None  # world coordinate along the up axis; None: the fog has no top
     up: Vector = (0.0, 1.0, 0.0)
     falloff: float = 0.0  # world units above the top over which the density falls to 1 / e; 0: it ends at the top

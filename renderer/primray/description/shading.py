@@ -133,6 +133,7 @@ class HomogeneousVolume:
     scattering: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     anisotropy: float = 0.0  # mean cosine of the phase function (Henyey and Greenstein)
+    droplets: float = 0.0  # diameter of water droplets in micrometres, whose phase function it has; 0: none
 
 
 @dataclass(frozen=True)

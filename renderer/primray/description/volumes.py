@@ -44,6 +44,7 @@ class VolumeMedium:
     albedo: Color  # single scattering albedo
     albedo_grid: VolumeGrid | None = None  # three numbers a voxel, multiplied with `albedo`, on the index space of `grid`
     anisotropy: float = 0.0  # g of Henyey and Greenstein; above 0 light is scattered forward
+    droplets: float = 0.0  # diameter of water droplets in micrometres, whose phase function it has; 0: none
     matrices: Doubles  # (N, 4, 4) world_from_index, one for each instance, at the frame
     motion: MatrixMotion | None = None  # of the instances
     blur: VelocityBlur | None = None  # of `grid`, and of `albedo_grid` with it

@@ -277,7 +277,7 @@ def _lobes(event: Mapping[str, Any]) -> str:
         for name in PROBABILITIES
         if event.get(name, 0) > 0 and (name, event[name]) != ("presence", 1)
     ]
-    rest = [f"{name} {_value(event[name])}" for name in ("alpha", "albedo", "mean_cosine") if name in event]
+    rest = [f"{name} {_value(event[name])}" for name in ("alpha", "albedo", "mean_cosine", "droplet_diameter") if name in event]
     return f"{event['why']}: {', '.join([*shares, *rest])}"
 
 

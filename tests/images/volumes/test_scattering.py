@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.described import describe, light, rotation, scaling, translation
 from tests.images.volumes.voxels import Array, along, block, check, depth_along, medium, picture, voxels
+from tests.statistics.media.phases import henyey_greenstein as phase
 
 from primray.description import Light, LightType, Shaping, VolumeMedium
 
@@ -30,11 +31,6 @@ def sun(direction: Any, irradiance: Any = 1.0) -> Light:
     matrix = np.eye(4)
     matrix[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
     return light(LightType.DISTANT, matrix, irradiance)
-
-
-def phase(cosine: Any, g: float) -> Any:
-    """Henyey and Greenstein's phase function of the cosine between the ways of the light before and after."""
-    return (1 - g * g) / (4 * math.pi * (1 + g * g - 2 * g * cosine) ** 1.5)
 
 
 def once(media: list[VolumeMedium], lights: list[Light], spp: int, camera: Any = INTO, **more: Any) -> Array:

@@ -36,11 +36,13 @@ def color(x: Color) -> tuple[float, float, float]:
 
 def volume(
     extinction: Color, albedo: Color = 1.0, g: float = 0.0, emission: Color = 0.0, path: str = "/volume",
-    camera: CameraVisibility = CameraVisibility.SEEN,
+    camera: CameraVisibility = CameraVisibility.SEEN, droplets: float = 0.0,
 ) -> Surface:  # fmt: skip
     e, a = color(extinction), color(albedo)
     scattering = (e[0] * a[0], e[1] * a[1], e[2] * a[2])
-    inside = HomogeneousVolume(path=path, extinction=e, scattering=scattering, emission=color(emission), anisotropy=g)
+    inside = HomogeneousVolume(
+        path=path, extinction=e, scattering=scattering, emission=color(emission), anisotropy=g, droplets=droplets
+    )
     return volume_boundary(inside, camera=camera)
 
 
@@ -70,7 +72,3 @@ def mean(
     described = describe(shapes, surfaces, lights, camera or orthographic(translation(0, 0, 10), 0.1)).moved(at)
     described = replace(described, description=replace(described.description, fog=fog))
     return np.asarray(render(described.build(), spp, **settings).pixels(), np.float64).mean((0, 1))
-
-
-def henyey_greenstein(cosine: float, g: float) -> float:
-    return (1 - g * g) / (4 * math.pi * (1 + g * g - 2 * g * cosine) ** 1.5)

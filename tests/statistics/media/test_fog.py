@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.described import box, lambert, light, look_at, orthographic, quad, translation
-from tests.statistics.media.scenes import HERE, SKY, henyey_greenstein, mean, sun, volume
+from tests.statistics.media.phases import henyey_greenstein
+from tests.statistics.media.scenes import HERE, SKY, mean, sun, volume
 
 from primray.description import Fog, LightType, OpenPbr, Sphere, Surface
 

@@ -9,12 +9,12 @@ from itertools import permutations
 import numpy as np
 import pytest
 from tests.described import box, describe, lambert, light, orthographic, placement, quad, render, scaling, translation
+from tests.statistics.media.phases import henyey_greenstein
 from tests.statistics.media.scenes import (
     HERE,
     SKY,
     SUN_DIRECTION,
     air,
-    henyey_greenstein,
     mean,
     sun,
     volume,

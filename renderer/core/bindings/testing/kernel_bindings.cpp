@@ -367,6 +367,7 @@ void bind_testing(nb::module_& m) {
     return nb::make_tuple(c.x, c.y, c.z);
   });
   bind_math(m);
+  bind_phases(m);
   bind_hierarchy(m);
   bind_replay(m);
   bind_grids(m);

@@ -59,7 +59,7 @@ enum OpenPbrField : int {
   kOpenFilmThickness,
   kOpenFilmIor,     //
   kOpenAbove,       // index of what is above the base
-  kOpenPhase,       // mean cosine of the phase function in the interior
+  kOpenPhase,       // phase function in the interior (medium/phase_function.hpp)
   kOpenSubsurface,  // weight of subsurface scattering; 0 if the surface is thin-walled or has no depth
   kOpenSubsurfacePhase,
   kOpenAsideWeight,

@@ -24,7 +24,7 @@ void fill(const VolumeInput& volume, float* open) {
   const vec3 e = volume.extinction, s = volume.scattering;
   open[kOpenExtinction] = e.x, open[kOpenExtinction + 1] = e.y, open[kOpenExtinction + 2] = e.z;
   open[kOpenScattering] = s.x, open[kOpenScattering + 1] = s.y, open[kOpenScattering + 2] = s.z;
-  open[kOpenPhase] = volume.anisotropy;
+  open[kOpenPhase] = volume.phase;
 }
 
 // Joins the surfaces of each mesh that has several, represented by the first of them.

@@ -6,6 +6,8 @@
 #include <numeric>
 #include <vector>
 
+#include "medium/phase_function.hpp"
+
 namespace primray {
 namespace {
 
@@ -18,25 +20,31 @@ bool scatters(const Scene& scene) {
          std::any_of(interiors.volumes.begin(), interiors.volumes.end(), [&](const Volume& v) { return any(v.scattering); });
 }
 
-// Mean cosines of all phase functions.
-std::vector<double> mean_cosines(const Scene& scene) {
-  std::vector<double> found;
+// The numbers of all phase functions.
+std::vector<float> phases_of(const Scene& scene) {
+  std::vector<float> found;
   const Interiors& interiors = scene.interiors;
-  if (interiors.fog.extinction > 0 && interiors.fog.scatters()) found.push_back(double(interiors.fog.phase));
-  for (const Volume& v : interiors.volumes) found.push_back(double(v.phase));
+  if (interiors.fog.extinction > 0 && interiors.fog.scatters()) found.push_back(interiors.fog.phase);
+  for (const Volume& v : interiors.volumes) found.push_back(v.phase);
   if (scene.volumes)
-    for (const VolumeTable::Medium& medium : scene.volumes->media) found.push_back(double(medium.anisotropy));
+    for (const VolumeTable::Medium& medium : scene.volumes->media) found.push_back(medium.phase);
   return found;
 }
 
 // Least mean cosine that counts.
 constexpr double kLeastCosine = 0.5;
 
-// Phase function of Henyey and Greenstein relative to isotropic scattering.
-double henyey_greenstein(double g, double cosine) { return (1 - g * g) / std::pow(1 + g * g - 2 * g * cosine, 1.5); }
+// Phase functions relative to isotropic scattering: Henyey and Greenstein's, and any.
+double relative_peak(double g, double cosine) { return henyey_greenstein_at(1 + g * g - 2 * g * cosine, g, 1.0f); }
+double relative_density(float phase, double cosine) {
+  if (!(phase > 1)) return relative_peak(double(phase), cosine);
+  return double(phase_density(vfloat<1>(float(cosine)), vfloat<1>(phase))[0]) / double(kInvFourPi);
+}
 
-PhaseByAngle phase_by_angle(const std::vector<double>& mean_cosines) {
+PhaseByAngle phase_by_angle(const std::vector<float>& phases) {
   PhaseByAngle r;
+  std::vector<double> mean_cosines;
+  for (const float phase : phases) mean_cosines.push_back(double(mean_cosine(vfloat<1>(phase))[0]));
   const auto counts = [](double g) { return std::abs(g) > kLeastCosine; };
   if (std::none_of(mean_cosines.begin(), mean_cosines.end(), counts)) return r;
   constexpr int kSteps = 16;
@@ -49,8 +57,8 @@ PhaseByAngle phase_by_angle(const std::vector<double>& mean_cosines) {
     double value = 0;
     for (int step = 0; step < kSteps; ++step) {
       const double cosine = std::cos(kWidth * (cell + (step + 0.5) / kSteps));
-      for (const double own : mean_cosines) value += henyey_greenstein(own, cosine) / (kSteps * count);
-      most += (1 - kEven) * henyey_greenstein(g, cosine) * kWidth / kSteps;
+      for (const float phase : phases) value += relative_density(phase, cosine) / (kSteps * count);
+      most += (1 - kEven) * relative_peak(g, cosine) * kWidth / kSteps;
     }
     r.value.push_back(float(kEven + (1 - kEven) * value)), r.before.push_back(float(sum));
     sum += double(r.value.back()) * kWidth;
@@ -81,7 +89,7 @@ void find_pivots(Scene& scene) {
     lights.pivots.of_light[size_t(i)] = int32_t(lights.pivots.pivots.size());
     lights.pivots.pivots.push_back(pivot);
   }
-  if (lights.pivots.any()) lights.pivots.phase = phase_by_angle(mean_cosines(scene));
+  if (lights.pivots.any()) lights.pivots.phase = phase_by_angle(phases_of(scene));
 }
 
 }  // namespace primray

@@ -15,6 +15,7 @@
 #include "guiding/pilot/caustic_photons.hpp"
 #include "light/sampler/selection.hpp"
 #include "math/box.hpp"
+#include "medium/phase_function.hpp"
 #include "render/task_function.hpp"
 #include "sampler/sampler.hpp"
 #include "surface/evaluate_inputs.hpp"
@@ -239,12 +240,6 @@ class Photons {
     }
   };
 
-  static V on_sphere(const Pair<W>& u) {
-    const F z = 1.0f - 2.0f * u.u, sine = safe_sqrt(1.0f - z * z);
-    const SinCos<W> phi = sincos_turns(u.v);
-    return {sine * phi.cos, sine * phi.sin, z};
-  }
-
   B launch(const Corners& lanes, const Sampler<W>& sampler, Rays<W>& rays, F& weight, Way& travelled) const {
     const LightTable& lights = scene_.lights;
     const I none(0);
@@ -264,7 +259,8 @@ class Photons {
     const B inside = possible & !((s.pdf > F(0.0f)) & (s.t > reach));
     V reference = center, outwards = s.wi;
     if (any(inside)) {
-      outwards = select(inside, on_sphere(disc), outwards), reference = select(inside, center + outwards * radius, center);
+      outwards = select(inside, direction_at(1.0f - 2.0f * disc.u, disc.v), outwards),
+      reference = select(inside, center + outwards * radius, center);
       const LightSample<W> other = light_sample(lights, choice.light, inside, reference, u.u, u.v, time);
       s.wi = select(inside, other.wi, s.wi), s.t = select(inside, other.t, s.t), s.pdf = select(inside, other.pdf, s.pdf);
       s.L = select(inside, other.L, s.L), s.is_delta = (inside & other.is_delta) | (!inside & s.is_delta);

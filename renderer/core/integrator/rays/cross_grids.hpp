@@ -61,7 +61,7 @@ struct MediumLanes {
   PRIMRAY_INLINE vint<W> albedo_shift(int axis) const { return number(2 + axis); }
   PRIMRAY_INLINE vvec3<W> extinction() const { return {real(5), real(6), real(7)}; }
   PRIMRAY_INLINE vvec3<W> albedo() const { return {real(8), real(9), real(10)}; }
-  PRIMRAY_INLINE vfloat<W> anisotropy() const { return real(11); }
+  PRIMRAY_INLINE vfloat<W> phase() const { return real(11); }
 
  private:
   const int32_t* base_;

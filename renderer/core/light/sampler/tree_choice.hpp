@@ -11,6 +11,7 @@
 
 #include "light/light.hpp"
 #include "light/tree/light_tree.hpp"
+#include "medium/phase_function.hpp"
 
 namespace primray {
 
@@ -61,8 +62,8 @@ constexpr int kTreeLanes = 4;
 #endif
 
 // Preview of lobes for telling lights apart, in lanes `m`. Of glossy surfaces: a GGX lobe about the mirror direction of unit wo
-// with share `specular` of the albedo, and `rest` in all directions. In media: the phase function with mean cosine `phase`
-// about -wo; 0 elsewhere.
+// with share `specular` of the albedo, and `rest` in all directions. In media: the phase function `phase` about -wo
+// (medium/phase_function.hpp); 0 elsewhere.
 template <int W>
 struct LobePreview {
   vbool<W> m;
@@ -75,6 +76,7 @@ struct LitPoint {
   float p[3], n[3], across[3];  // `across`: |n|
   bool has_normal, previewed = false;
   float wo[3], alpha2, specular, rest, phase;  // if `previewed`
+  DropletLobes<1> droplets;                    // if `phase` is of droplets
 
   template <int W>
   PRIMRAY_INLINE LitPoint(const vvec3<W>& at, const vvec3<W>& normal, int lane)
@@ -87,6 +89,7 @@ struct LitPoint {
     previewed = s.m[lane] != 0;
     wo[0] = s.wo.x[lane], wo[1] = s.wo.y[lane], wo[2] = s.wo.z[lane];
     alpha2 = s.alpha2[lane], specular = s.specular[lane], rest = s.rest[lane], phase = s.phase[lane];
+    if (phase > 1) droplets = DropletLobes<1>::of(vfloat<1>(phase));
   }
 };
 
@@ -162,16 +165,25 @@ PRIMRAY_INLINE vfloat<N> cone_of_slots(const LightTree::Block& block, int at, co
   return select(off > load<N>(block.cos_end + at), max(off, load<N>(block.floor + at)), none);
 }
 
-// Phase function of Henyey and Greenstein towards a cluster, relative to isotropic scattering. Its peak is widened by the
-// cluster's angular size: with a far-off angle a it is a function of (1 - |g|)^2 + |g| a^2, to which the mean square of the
+// Phase function of Henyey and Greenstein at a cosine, relative to isotropic scattering. Its peak is widened by the angular
+// size `seen` of a cluster: with a far-off angle a it is a function of (1 - |g|)^2 + |g| a^2, to which the mean square of the
 // size is added.
+template <int N>
+PRIMRAY_INLINE vfloat<N> widened_peak(vfloat<N> g, vfloat<N> cosine, vfloat<N> seen) {
+  return henyey_greenstein_at(max(1.0f + g * g - 2.0f * g * cosine + 0.5f * abs(g) * seen * seen, 1e-6f), g, 1.0f);
+}
+
+// Phase function towards a cluster, relative to isotropic scattering.
 template <int N>
 PRIMRAY_INLINE vfloat<N> scattered_from_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s) {
   using F = vfloat<N>;
-  const F g(x.phase), seen = min(load<N>(block.radius + at) * s.inverse, 1.0f);
+  const F seen = min(load<N>(block.radius + at) * s.inverse, 1.0f);
   const F cosine = -(s.to.x * x.wo[0] + s.to.y * x.wo[1] + s.to.z * x.wo[2]) * s.inverse;
-  const F q = max(1.0f + g * g - 2.0f * g * cosine + 0.5f * abs(g) * seen * seen, 1e-6f);
-  return (1.0f - g * g) / (q * sqrt(q));
+  if (!(x.phase > 1)) return widened_peak<N>(F(x.phase), cosine, seen);
+  const DropletLobes<1>& lobes = x.droplets;
+  const float weight = lobes.weight[0], alpha = lobes.draine.alpha[0], norm = lobes.draine.norm()[0];
+  const F broad = widened_peak<N>(F(lobes.draine.g[0]), cosine, seen) * (1.0f + alpha * cosine * cosine) * (1 / norm);
+  return (1 - weight) * widened_peak<N>(F(lobes.g[0]), cosine, seen) + weight * broad;
 }
 
 // Response of a glossy surface to a cluster, relative to a white Lambert surface: about pi times its BRDF, with the lobe
