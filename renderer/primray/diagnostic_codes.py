@@ -270,7 +270,7 @@ CODES: dict[str, Code] = {
         "names the nodes, and the inputs that are approximated or left out.",
         "Add a UsdPreviewSurface or a MaterialX surface to it, or pass `--no-translated-shaders` to use its displayColor."),
     "material-input": Code(Severity.WARNING, Kind.DEFAULTED,
-        "An input of a material cannot be read and has its default, is approximated, or has no effect yet.",
+        "An input of a material or of fog cannot be read and has its default, is approximated, or has no effect.",
         "Connect the input to a value, a texture or a primvar reader; an open_pbr_surface is rendered exactly."),
     "open-interior": Code(Severity.WARNING, Kind.APPROXIMATED,
         "A material with an interior is on a mesh that is not closed: it has no inside, so it is rendered as thin walls.",

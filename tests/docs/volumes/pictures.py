@@ -20,7 +20,7 @@ import primray
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE, FOLDER = ROOT / "docs/volumes.md", ROOT / "docs/volumes"
-NAMES = ("smoke", "fire", "shafts")
+NAMES = ("smoke", "fire", "shafts", "mist")
 SIZE = (480, 480)
 VOXEL = 0.025  # metres
 SHAPE = (64, 112, 64)

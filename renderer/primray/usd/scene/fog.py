@@ -15,11 +15,13 @@ from ..stage.reads import property_names
 from ..stage.values import number, vector
 from .color_spaces import color_in_rendering_space, scope_of
 from .context import Context
+from .droplets import diameter
 
 PREFIX = "primray:fog:"
 DENSITY, COLOR, ANISOTROPY = f"{PREFIX}density", f"{PREFIX}color", f"{PREFIX}anisotropy"
+DROPLETS = f"{PREFIX}dropletDiameter"
 EMISSION, TOP, FALLOFF = f"{PREFIX}emission", f"{PREFIX}top", f"{PREFIX}falloff"
-NAMES = frozenset({DENSITY, COLOR, ANISOTROPY, EMISSION, TOP, FALLOFF})
+NAMES = frozenset({DENSITY, COLOR, ANISOTROPY, DROPLETS, EMISSION, TOP, FALLOFF})
 MOST_ANISOTROPY = 0.98
 MOST_ENDLESS = 0.99  # albedo of fog without a top: light that is never absorbed would be scattered without an end
 Color = tuple[float, float, float]
@@ -51,12 +53,16 @@ def _read(prim: Usd.Prim, lights: Iterable[Light], ctx: Context) -> Fog | None:
     anisotropy = number(prim, ANISOTROPY, ctx.when, 0.0, ctx.diagnostics)
     if abs(anisotropy) > 1:
         ctx.warn("out-of-range", path, f"{ANISOTROPY} = {anisotropy:g} is outside [-1, 1] and is clamped.", ANISOTROPY)
+    droplets = diameter(prim, DROPLETS, ctx)
+    if droplets > 0 and prim.GetAttribute(ANISOTROPY).HasAuthoredValue():
+        ctx.warn("material-input", path, f"{ANISOTROPY} has no effect: {DROPLETS} gives the phase function.", ANISOTROPY)
     made = Fog(
         path=str(prim.GetPath()),
         density=density,
         albedo=(min(r, 1.0), min(g, 1.0), min(b, 1.0)),
         emission=emission,
         anisotropy=min(max(anisotropy, -MOST_ANISOTROPY), MOST_ANISOTROPY),
+        droplets=droplets,
         top=_top(prim, ctx),
         up=(0.0, 0.0, 1.0) if up_axis(ctx.stage) == "Z" else (0.0, 1.0, 0.0),
         falloff=_at_least_zero(prim, FALLOFF, path, ctx),

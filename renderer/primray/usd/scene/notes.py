@@ -42,7 +42,7 @@ UNSUPPORTED = frozenset(_GEOMETRY.split())
 _LIGHTS = "GeometryLight PluginLight LightFilter PluginLightFilter"
 UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
 
-_FOG = "PrimrayFogAPI"
+_FOG, _VOLUME = "PrimrayFogAPI", "PrimrayVolumeAPI"
 _LIGHT_SCHEMAS = {"LightAPI", "MeshLightAPI", "VolumeLightAPI"}
 _TYPES_NOTED = UNSUPPORTED | UNSUPPORTED_LIGHTS | {"PortalLight"}
 _UNLIT = frozenset({"Points", "BasisCurves", "HermiteCurves", "NurbsCurves"})
@@ -64,6 +64,7 @@ def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: fro
         or NOTES in properties
         or "MotionAPI" in names
         or _FOG in names
+        or _VOLUME in names
         or names & PHYSICAL
         or any(map(_is_unread, names))
     ):
@@ -171,6 +172,9 @@ def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Contex
             _note_motion(prim, ctx)
         elif schema == _FOG:
             _note_fog(prim, ctx)
+        elif schema == _VOLUME and prim.type_name not in ("Volume", "Material"):
+            message = f"{_VOLUME}: Only Volume prims and materials have it: it is ignored. Apply it to the shape's material."
+            ctx.warn("api-schema", prim.path, message)
         elif _is_unread(schema):
             _note_unread(schema, prim.path, ctx)
 

@@ -25,7 +25,7 @@ PHYSICAL = PHOTOMETRIC | {ILLUMINANT}
 _READ_OF_OTHERS = """OmniLensDistortionFthetaAPI OmniLensDistortionKannalaBrandtK3API OmniLensDistortionLutAPI
     OmniLensDistortionOpenCvFisheyeAPI OmniLensDistortionOpenCvPinholeAPI OmniLensDistortionRadTanThinPrismAPI
     OmniRtxRollingShutterAPI PrimrayFogAPI PrimrayLensAPI PrimrayRenderProductAPI PrimrayRenderSettingsAPI
-    PrimrayRenderVarAPI"""
+    PrimrayRenderVarAPI PrimrayVolumeAPI"""
 # Physics, user interfaces, statements about the asset; LightListAPI only speeds up finding lights. The parts of a particle
 # field are irrelevant because the field itself is not rendered.
 _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI HydraPrimAPI HydraRenderPassAPI LightListAPI

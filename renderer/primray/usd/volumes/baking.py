@@ -154,6 +154,7 @@ class VolumeMaker:
                     extinction=self._color(extinction),
                     albedo=_triple(albedo),
                     anisotropy=0.0 if lobe is None else self._anisotropy(lobe, found, None),
+                    droplets=0.0 if lobe is None else self.coefficients.droplets,
                     matrices=self._placed(found),
                     material=self.material,
                 )
@@ -223,6 +224,7 @@ class VolumeMaker:
                 albedo=(1.0, 1.0, 1.0) if albedo is None else _triple(albedo),
                 albedo_grid=albedos,
                 anisotropy=anisotropy,
+                droplets=self.coefficients.droplets,
                 matrices=placed,
                 material=self.material,
             )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ...description import Operand
 from ..materials.materialx.expressions import Expressions
 
 BLACK: Operand = (0.0, 0.0, 0.0)
+ISOTROPIC: Operand = (0.0,)
 
 
 class UnusableShaderError(Exception):
@@ -31,6 +32,7 @@ class Coefficients:
     absorption: Operand = BLACK  # colour
     lobes: tuple[Lobe, ...] = ()
     emission: Operand = BLACK  # colour: radiance per unit of length
+    droplets: float = 0.0  # diameter in micrometres of water droplets, which scatter in place of the lobes; 0: none
     per_scene_unit: float = 1.0  # factor from coefficients to those per scene unit
 
 
@@ -84,3 +86,20 @@ class Arithmetic:
                 lobe if known is None else Lobe(self.sum(known.scattering, lobe.scattering), lobe.anisotropy)
             )
         return Vdf(self.sum(a.absorption, b.absorption), tuple(lobes.values()))
+
+
+def with_droplets(made: Coefficients, diameter: float) -> Coefficients:
+    """Return coefficients whose scattering is that of water droplets: one phase function instead of those of the lobes.
+
+    `diameter`: micrometres; 0: nothing changes.
+    """
+    if diameter == 0:
+        return made
+    arithmetic = Arithmetic(made.expressions)
+    merged = Vdf()
+    for lobe in made.lobes:
+        merged = arithmetic.added(merged, Vdf(lobes=(Lobe(lobe.scattering, ISOTROPIC),)))
+    said = (
+        f"{made.convention} It scatters as water droplets of {diameter:g} micrometres do, whatever anisotropy its shader has."
+    )
+    return replace(made, lobes=merged.lobes, droplets=diameter, convention=said)

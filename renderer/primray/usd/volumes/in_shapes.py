@@ -13,6 +13,7 @@ from ..materials.authored import AuthoredPrim
 from ..materials.network import Network, Node
 from ..materials.translated_material import Material
 from ..scene.context import Context
+from ..scene.droplets import DIAMETER, droplets_of
 from .coefficients import Coefficients
 from .shaders import first_coefficients, volume_shaders
 
@@ -59,11 +60,16 @@ def _constant_volume(network: Network, material: AuthoredPrim, path: str, ctx: C
     if made is None:
         return None
     try:
-        return _homogeneous(made)
+        found = _homogeneous(made)
     except _NotConstantError:
         message = "The volume varies over space, which only the fields of a Volume prim can: the shape is not filled."
         ctx.warn("shader-ignored", path, message, _first_output(network, material))
         return None
+    droplets = droplets_of((material.prim,), ctx)
+    if droplets > 0 and found.anisotropy != 0:
+        message = f"The anisotropy of its volume shader has no effect: {DIAMETER} gives the phase function."
+        ctx.warn("material-input", path, message, DIAMETER)
+    return replace(found, droplets=droplets)
 
 
 def _homogeneous(made: Coefficients) -> HomogeneousVolume:

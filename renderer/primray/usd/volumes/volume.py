@@ -13,10 +13,11 @@ from ...description.placement import chunks
 from ...volumes.volume_grid import VolumeGrid
 from ..instancing.instances import Chain
 from ..scene.context import Context
+from ..scene.droplets import droplets_of
 from ..scene.inheritance import ResolvedPrim
 from ..scene.translated_scene import TranslatedScene
 from .baking import TooLargeError, VolumeMaker
-from .coefficients import UnusableShaderError
+from .coefficients import UnusableShaderError, with_droplets
 from .fields import fields_of
 from .files import TOO_LARGE
 from .motion import VolumePath, VolumePlace
@@ -39,7 +40,8 @@ def add_volume(
     if not fields:
         ctx.warn("volume-field", leaf.path, "It has no field that can be read: it is not rendered.")
         return
-    coefficients = coefficients_of(leaf.material, fields, leaf.path, ctx)
+    droplets = droplets_of((leaf.prim, leaf.material), ctx)
+    coefficients = with_droplets(coefficients_of(leaf.material, fields, leaf.path, ctx), droplets)
     maker = VolumeMaker(
         coefficients=coefficients,
         fields=fields,
@@ -53,7 +55,8 @@ def add_volume(
             media, emissions = list(maker.media()), list(maker.emissions())
         except UnusableShaderError as error:
             ctx.warn("shader-ignored", leaf.path, f"Its volume shader cannot be rendered: {error}.")
-            maker.coefficients = storm_fallback(fields, "its material's volume shader cannot be rendered")
+            fallback = storm_fallback(fields, "its material's volume shader cannot be rendered")
+            maker.coefficients = with_droplets(fallback, droplets)
             media, emissions = list(maker.media()), list(maker.emissions())
     except TooLargeError as error:
         ctx.warn(TOO_LARGE, leaf.path, f"It is not rendered: {error}.")
