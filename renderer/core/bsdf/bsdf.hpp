@@ -30,6 +30,9 @@ PRIMRAY_INLINE vvec3<W> divide(const vvec3<W>& a, const vvec3<W>& b) {
   return {a.x / b.x, a.y / b.y, a.z / b.z};
 }
 
+// Least probability of a direction of smooth glass that paths follow beside the other.
+constexpr float kLeastBranch = 1e-4f;
+
 template <int W>
 struct Bsdf {
   static constexpr bool kInMedium = false;      // not a surface
@@ -99,6 +102,13 @@ struct Bsdf {
     const vfloat<W> scale = 1.0f / max(total, 1e-20f);
     p_diffuse = select(preview, w_diffuse * scale, vfloat<W>(1.0f));
     p_specular = w_specular * scale, p_coat = w_coat * scale;
+  }
+
+  // Returns the lanes of smooth glass and nothing else: light is reflected with the probability p_specular, and else passes.
+  PRIMRAY_INLINE vbool<W> is_smooth_glass() const {
+    const vfloat<W> zero(0.0f), one(1.0f);
+    return preview & mirror & (presence == one) & (p_diffuse == zero) & (p_coat == zero) &
+           (abs(p_specular - 0.5f) < vfloat<W>(0.5f - kLeastBranch));
   }
 
   // Returns the lanes in which directions below the surface receive light by non-delta lobes.

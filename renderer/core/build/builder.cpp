@@ -82,7 +82,7 @@ SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene) : scene_(std::move(scen
   s.lights = {}, s.lights.links = std::move(links);
   s.emitters = {}, s.outlines = {}, s.interiors = {}, s.volumes.reset();
   s.camera = {}, s.distortion.reset();
-  s.has_emission = s.has_thin = false;
+  s.has_emission = s.has_thin = s.has_smooth_glass = false;
 }
 
 bool SceneBuilder::replace_mesh(size_t row, const MeshInput& mesh, const daffine& before, const daffine& group_from_object) {
@@ -363,6 +363,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     const int flags = int_at(row, kFlags);
     s.has_emission |= (flags & kEmits) != 0;
     s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1 || (flags & kHair);
+    s.has_smooth_glass |= (flags & kPreview) && row[kTransmission] > 0 && row[kAlpha] == 0;
   }
   // Camera rays pass through hidden surfaces as if these were transmissive.
   s.has_thin |= s.camera_visibility.any();

@@ -67,8 +67,8 @@ PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
   p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
   p.lpe_diffuse = p.lpe_other = I(0);
   p.bsdf_pdf = p.travelled = p.first_received = F(0.0f);
-  // 0: not split yet.
-  p.splits = F(round.settings.splits > 1 || round.settings.light_samples > 1 ? 0.0f : 1.0f);
+  const bool whole = round.has_parts() || round.settings.light_samples > 1;
+  p.splits = F(whole ? kUnbranched : 1.0f);
   p.cone_width = F(scene.camera.cone_width()), p.cone_spread = F(scene.camera.cone_spread());
   p.slot = load<W>(slot), p.depth = p.vertex = I(0);
   if (PathLog* const log = path_log<W>(round))
@@ -95,10 +95,13 @@ template <int W>
 void refill(Round& round, int slots) {
   PathPool& pool = *round.worker.pool;
   round.first_camera = pool.count;
-  const int splits = round.settings.splits;
-  // Every path that is whole may split, so leave room for its parts.
-  const int whole = splits > 1 ? int(std::count(pool.splits, pool.splits + pool.count, 0.0f)) : 0, others = pool.count - whole;
-  while (round.next_slot < slots && others + splits * (pool.count - others + W) <= kPool) {
+  // Every path that is whole may branch and split, so leave room for its parts.
+  const int splits = round.settings.splits, most = splits + (round.branches ? 1 : 0);
+  float* const end = pool.splits + pool.count;
+  const int unbranched = most > 1 ? int(std::count(pool.splits, end, kUnbranched)) : 0;
+  const int branched = round.branches ? int(std::count_if(pool.splits, end, [](float s) { return s < kUnbranched; })) : 0;
+  const int first = pool.count - unbranched, others = first + branched * (splits - 1);
+  while (round.next_slot < slots && others + most * (pool.count - first + W) <= kPool) {
     const int n = std::min(W, slots - round.next_slot);
     const PathLanes<W> paths = camera_paths<W>(round, slots);
     vbool<W> starts = lane_numbers<W>() < vint<W>(n);

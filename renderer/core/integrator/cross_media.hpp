@@ -302,7 +302,7 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
     for (uint32_t b = bits(scatters & (p.vertex == vint<W>(0))); b; b &= b - 1)
       alpha_of(round, p.slot[__builtin_ctz(b)]) = 1.0f;
     const vbool<W> lit = scatters & is_lit(scene, state), kinds[2] = {scatters & !lit, lit};
-    for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
+    for_kinds(round.has_parts(), kinds, [&](int kind, vbool<W> lanes) {
       if (kind == 0) return scatter_unlit(round, lanes, p, t, state, phase);
       scatter_lit(round, lanes, p, lane_numbers<W>() + vint<W>(at), t, state, phase);
     });

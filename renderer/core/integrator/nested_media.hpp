@@ -91,7 +91,7 @@ PRIMRAY_RARE void shade_in_media(Round& round, int at, vbool<W> hit, vbool<W> sc
   const bool hairy = !scene.surfaces.hair.empty();
   if (hairy) align_fibre(rows, scatters & it.on_curve, it.tangent, surface.frame);
   const vbool<W> kinds[3] = {leaves, b.overridden, scatters & !b.overridden};
-  for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
+  for_kinds(round.has_parts(), kinds, [&](int kind, vbool<W> lanes) {
     if (kind == 0) return exit_subsurface(round, lanes, p, surface, state);
     if (kind == 1) {
       if (PathLog* const log = path_log<W>(round))

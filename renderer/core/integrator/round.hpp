@@ -32,7 +32,9 @@ struct Round {
   Worker& worker;
   RayRecorder* recorder;
   const PathNeeds needs;
-  const int samples;           // per pixel, both replicates together
+  const int samples;  // per pixel, both replicates together
+  // Paths follow both directions of the first smooth glass that they meet. Guides learn from paths that have one.
+  const bool branches;
   int pixels = 0;              // of the block, as the worker lists them
   int next_slot = 0;           // slot of the next camera ray
   int first_camera = 0;        // index in the pool of the first camera ray
@@ -47,7 +49,8 @@ struct Round {
         worker(worker_),
         recorder(recorder_),
         needs(path_needs(scene_, settings_)),
-        samples(block_.count[0] + block_.count[1]) {
+        samples(block_.count[0] + block_.count[1]),
+        branches(scene_.has_smooth_glass && !settings_.guide_log) {
     if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
     if (follows_media() && !worker.medium_states) worker.medium_states = std::make_unique<MediumStateStore>(scene.interiors);
     if (follows_media()) worker.medium_states->forget_sets();
@@ -64,6 +67,9 @@ struct Round {
   bool samples_along_rays() const { return scene.lights.pivots.any(); }
   bool has_volumes() const { return scene.volumes != nullptr; }
   bool leaves_out_caustics() const { return settings.lpe && settings.lpe->leaves_out >= 0; }
+
+  // Whether several paths of one sample are in the pool.
+  bool has_parts() const { return settings.splits > 1 || branches; }
 
   // Index of the film point in the chain of linked dimensions that it forms with the following directions: each even link
   // shares a 4D point of a sequence with the next. Parts of a split path have indices of their own, so there the first two

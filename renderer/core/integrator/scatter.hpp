@@ -32,15 +32,22 @@ constexpr float kRouletteDeepKeep = 0.999f;
 constexpr int kMediumDeep = 16384;
 constexpr float kMediumDeepKeep = 0.9999f;
 
+// Range of the random numbers that choose a lobe.
+template <int W>
+struct LobeRange {
+  vfloat<W> begin, size;
+};
+
 // Samples a direction from the BSDF, the guide or the caustic photons. `splits`: number of parts of each sample, which photons
-// change. `own`: with photons, the density without them.
+// change. `own`: with photons, the density without them. `range`: null for that of all lobes.
 template <int W, class Lobes>
 PRIMRAY_INLINE BsdfSample<W> sample_direction(const Round& round, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
-                                              vfloat<W>& splits, vfloat<W>& own) {
+                                              const LobeRange<W>* range, vfloat<W>& splits, vfloat<W>& own) {
   const Guide* guide = round.settings.guide;
   const vint<W> bounce = p.vertex + vint<W>(1);
   Pair<W> u = p.sampler.link(bounce + vint<W>(round.first_link()));
-  const vfloat<W> lobe = v.bsdf.any_preview || v.caustics ? p.sampler.single(bounce, Purpose::kLobe) : vfloat<W>(0.0f);
+  vfloat<W> lobe = v.bsdf.any_preview || v.caustics ? p.sampler.single(bounce, Purpose::kLobe) : vfloat<W>(0.0f);
+  if (range) lobe = min(range->begin + lobe * range->size, 0x1.fffffep-1f);
   const vbool<W> by_guide = guide ? choose_guide(v.place, u.u) : vbool<W>(false);
   // Inlined for the common case; the compiler would otherwise count the guided branch as well and emit a call for all.
   const auto sample = [&](vfloat<W> l) __attribute__((always_inline)) {
@@ -150,7 +157,8 @@ PRIMRAY_INLINE void queue_sky_shadow(Round& round, vbool<W> last, const PathLane
 }
 
 template <int W, class Lobes>
-void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
+                  const LobeRange<W>* range = nullptr) {
   using F = vfloat<W>;
   using I = vint<W>;
   using B = vbool<W>;
@@ -159,7 +167,7 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   // Sample the next direction
   PathLanes<W> n = p;
   F own(0.0f);
-  const BsdfSample<W> s = sample_direction(round, v, p, n.splits, own);
+  const BsdfSample<W> s = sample_direction(round, v, p, range, n.splits, own);
   PRIMRAY_ASSERT(are_weights(scatters, s.weight) && are_weights(scatters, s.pdf));
   PRIMRAY_ASSERT(are_unit(scatters & (max_component(s.weight) > F(0.0f)), s.wi));
   PRIMRAY_ASSERT(!any(scatters & s.is_delta & (s.pdf > F(0.0f))) || v.caustics || round.settings.guide);
@@ -233,7 +241,7 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
 // Splits each path at its first surface that is neither mirror nor smooth glass: more work goes to what follows than to finding
 // that surface.
 template <int W, class Lobes>
-void scatter(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+void scatter_or_split(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   const int splits = round.settings.splits;
   const vbool<W> split = scatters & is_whole(p) & !v.bsdf.mirror;
   if (!any(split)) return scatter_once(round, scatters, v, p);
@@ -243,6 +251,43 @@ void scatter(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const P
     number_part(part, p, split, splits, k);
     scatter_once(round, k == 0 ? scatters : split, v, part);
   }
+}
+
+// Follows both directions at smooth glass, weighted by their probabilities: a lamp that glass mirrors is as certain as what is
+// seen through it. The less likely direction comes first and is not split: a sample whose paths split in turn would be summed
+// up in an order that depends on the number of lanes.
+template <int W, class Lobes>
+PRIMRAY_RARE void scatter_both(Round& round, vbool<W> both, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+  using F = vfloat<W>;
+  const F one(1.0f), reflected = v.bsdf.p_specular, passed = one - reflected;
+  const vbool<W> mirrors_less = reflected < passed;
+  for (const bool less : {true, false}) {
+    const vbool<W> mirrors = less ? mirrors_less : !mirrors_less;
+    const F share = select(mirrors, reflected, passed);
+    const LobeRange<W> range{select(mirrors, F(0.0f), reflected), select(mirrors, reflected * 0x1.fffffep-1f, passed)};
+    PathLanes<W> part = p;
+    part.beta = p.beta * share;
+    part.splits = F(less ? 1.0f : kBranched);
+    if (less) part.sampler.reversed_index = p.sampler.reversed_index ^ vuint<W>(1u);  // far on in the same sequence
+    scatter_once(round, both, v, part, &range);
+  }
+}
+
+template <int W, class Lobes>
+void scatter(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+  if constexpr (requires { v.bsdf.is_smooth_glass(); }) {
+    if (round.branches) {
+      vbool<W> both = scatters & (p.splits == vfloat<W>(kUnbranched)) & v.bsdf.is_smooth_glass();
+      // A packet's straight paths pass what is hidden from the camera before others are shaded.
+      if (round.scene.camera_visibility.any()) both &= !v.bsdf.thin;
+      if (any(both)) {
+        scatter_both(round, both, v, p);
+        scatters &= !both;
+        if (!any(scatters)) return;
+      }
+    }
+  }
+  scatter_or_split(round, scatters, v, p);
 }
 
 }  // namespace primray

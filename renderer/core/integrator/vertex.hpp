@@ -61,10 +61,13 @@ PRIMRAY_RARE void continue_straight(Round& round, vbool<W> lanes, const PathLane
 // Parts of a split path: each carries an equal share of the throughput, and they take consecutive indices of a sample sequence
 // that is `parts` times longer.
 
-// Returns the lanes whose path has not come to the surface where it splits, or where it takes several light samples.
+// Numbers of parts of paths that have not come to the surface where they split, or where they take several light samples:
+// before they have followed both directions of smooth glass, and after it.
+constexpr float kUnbranched = 0, kBranched = -1;
+
 template <int W>
 PRIMRAY_INLINE vbool<W> is_whole(const PathLanes<W>& p) {
-  return p.splits == vfloat<W>(0.0f);
+  return p.splits <= vfloat<W>(kUnbranched);
 }
 template <int W>
 PRIMRAY_INLINE vfloat<W> parts_of(const PathLanes<W>& p) {

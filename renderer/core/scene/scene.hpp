@@ -256,6 +256,7 @@ struct Scene {
   bool only_hierarchy_lights_found = false;  // ... or only lights in LightTable::hierarchy
   bool has_pairs = false;                    // some groups begin with triangles in pairs
   Fact<built::kThin> has_thin = false;       // something lets light pass straight: shadow rays need their hits
+  bool has_smooth_glass = false;
 
   // All geometry, if it consists of triangles alone: few, or many. The world has no Embree scene then (accel/query.hpp).
   FewTriangles few_triangles;

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Event = dict[str, Any]
 
 NAMING_AOVS = ("prim", "instance", "material")  # they make the core's scene keep the names of its rows
+ASIDE = 1 << 31  # in the number of a path that takes the less likely way at smooth glass, beside the one that takes the other
 FLAGS = ("front", "delta", "transmits", "straight", "enters", "survives")
 PROBABILITIES = ("presence", "diffuse", "behind", "fuzz", "specular", "coat", "transmission", "subsurface")
 RADIANCES = ("radiance", "contribution", "unshadowed", "value", "clamped", "caustics")
@@ -136,7 +137,8 @@ def _named_events(scene: CoreScene, events: Sequence[Event], splits: tuple[int, 
             numbers[event["sample"]] = event["part"]
         part = _part(event, numbers.get(event["sample"], 0), splits)
         del kept["part"]
-        named.append(kept | names.of(event) | ({} if part is None else {"part": part}))
+        aside = {"aside": True} if event["part"] & ASIDE else {}
+        named.append(kept | names.of(event) | aside | ({} if part is None else {"part": part}))
     return named
 
 
@@ -239,10 +241,11 @@ def _sample(sample: Mapping[str, Any], count: int) -> Iterable[str]:
     ):
         if name in sample and sample[name] != [0, 0, 0]:
             yield f"  {meaning}: {_color(sample[name])}"
-    before: tuple[int, int | None] | None = None
+    before: tuple[object, ...] | None = None
     for event in sample["events"]:
-        place = event["vertex"], event.get("part")
-        heading = f"vertex {place[0]}" + ("" if place[1] is None else f", part {place[1]}")
+        place = event["vertex"], event.get("part"), "aside" in event
+        heading = f"vertex {event['vertex']}" + (", aside" if "aside" in event else "")
+        heading += "" if "part" not in event else f", part {event['part']}"
         text = _TEXTS[event["kind"]](event)
         yield f"  {'' if place == before else heading:<17} {event['kind']:<13} {text}{_contribution(event)}"
         before = place
