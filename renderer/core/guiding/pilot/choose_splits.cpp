@@ -86,20 +86,36 @@ double cost_of_light_sample(const Scene& scene, const Pilot& lit, const Pilot& p
   return cost * (lit.rays - plain.rays) / (kMostLightSamples - 1);
 }
 
-// Chooses the number of light samples for one path, by pilots with one light sample and with the most.
-int choose_light_samples(const Scene& scene, const Pilot& plain, const Pilot& lit) {
-  const Pilot* const both[] = {&plain, &lit};
-  const double error = relative_error(plain, both, 0), light_rays = cost_of_light_sample(scene, lit, plain);
-  const double divided = std::min(std::max(0.0, error - relative_error(lit, both, 0)) / kDivided, kMostByLights * error);
-  int best = 1;
-  double least = std::numeric_limits<double>::infinity();
-  for (int j = 0; j < kLightChoices; ++j) {
-    const int lights = kLightSamples[j];
-    const double cost =
-        (error - divided * (1 - 1.0 / lights)) * (plain.rays + (lights - 1) * light_rays) * kNeededGainLights[j];
-    if (cost < least) best = lights, least = cost;
+// The candidate with the least product of error and cost, times the gain that it needs.
+class BestSplits {
+ public:
+  Splits best;
+
+  explicit BestSplits(double cost_of_light_sample) : light_rays_(cost_of_light_sample) {}
+  // Offers a number of paths with all numbers of light samples, which divide the part `divided` of the error.
+  void offer(int splits, double error, double divided, double rays, double needed) {
+    for (int j = 0; j < kLightChoices; ++j) {
+      const int lights = kLightSamples[j];
+      const double remaining = error - divided * (1 - 1.0 / lights);
+      const double cost = remaining * (rays + (lights - 1) * light_rays_) * needed * kNeededGainLights[j];
+      if (cost < least_) best = {splits, lights}, least_ = cost;
+    }
   }
-  return best;
+
+ private:
+  double light_rays_, least_ = std::numeric_limits<double>::infinity();
+};
+
+// Returns the part of a pilot's error that light samples divide, by a pilot that differs only in having the most of them.
+double divided_by_lights(double plain_error, double lit_error) { return std::max(0.0, plain_error - lit_error) / kDivided; }
+
+// Chooses the number of light samples for one path, by pilots with one light sample and with the most.
+Splits choose_light_samples(const Scene& scene, const Pilot& plain, const Pilot& lit) {
+  const Pilot* const both[] = {&plain, &lit};
+  const double error = relative_error(plain, both, 0), divided = divided_by_lights(error, relative_error(lit, both, 0));
+  BestSplits choice(cost_of_light_sample(scene, lit, plain));
+  choice.offer(1, error, std::min(divided, kMostByLights * error), plain.rays, 1);
+  return choice.best;
 }
 
 }  // namespace
@@ -120,7 +136,7 @@ Splits choose_splits(const Scene& scene, const IntegratorSettings& settings, Tas
     if (!may_gain(*pilots[0], *pilots[1])) {
       if (scene.lights.count == 0) return {};
       std::thread([&] { set_float_mode(), lit = pilot(1, kMostLightSamples); }).join();
-      return {1, choose_light_samples(scene, *pilots[0], *lit)};
+      return choose_light_samples(scene, *pilots[0], *lit);
     }
   }
   // Both threads trace about as many rays.
@@ -141,26 +157,19 @@ Splits choose_splits(const Scene& scene, const IntegratorSettings& settings, Tas
   // The share that light samples divide is known separately, as both pilots have the same paths, including rare bright ones.
   double by_lights = 0, light_rays = 0;
   if (lit) {
-    by_lights = std::max(0.0, errors[kLit] - relative_error(*lit, all, 0)) / kDivided;
+    by_lights = divided_by_lights(errors[kLit], relative_error(*lit, all, 0));
     light_rays = cost_of_light_sample(scene, *lit, *pilots[kLit]);
   }
   errors = fit(errors);
-  Splits best;
-  double least = std::numeric_limits<double>::infinity();
+  BestSplits choice(light_rays);
   for (size_t i = 0; i < kChoices; ++i) {
     // The share for other numbers of paths: with more of them it was found to be smaller, between the same amount and the same
     // share.
     double divided = by_lights;
     if (i > kLit) divided *= (1 + errors[i] / errors[kLit]) / 2;
-    divided = std::min(divided, kMostByLights * errors[i]);
-    for (int j = 0; j < kLightChoices; ++j) {
-      const int lights = kLightSamples[j];
-      const double error = errors[i] - divided * (1 - 1.0 / lights);
-      const double cost = error * (pilots[i]->rays + (lights - 1) * light_rays) * needed[i] * kNeededGainLights[j];
-      if (cost < least) best = {kSplits[i], lights}, least = cost;
-    }
+    choice.offer(kSplits[i], errors[i], std::min(divided, kMostByLights * errors[i]), pilots[i]->rays, needed[i]);
   }
-  return best;
+  return choice.best;
 }
 
 }  // namespace primray
