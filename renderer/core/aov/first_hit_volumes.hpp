@@ -78,9 +78,7 @@ class FirstHitVolumes {
         const TrackingTask<W> task = medium_task<W>(volumes, columns(), tasks, fresh, numbers);
         const MediumLanes<W> medium(volumes, gather<W>(tasks.instance, numbers));
         events.grids = &volumes.grids;
-        events.begin(
-            fresh, task.segment,
-            {medium.albedo(), medium.albedo_grid(), {medium.albedo_shift(0), medium.albedo_shift(1), medium.albedo_shift(2)}});
+        events.begin(fresh, task.segment, medium.albedo());
         return task;
       };
       const auto store_task = [&](B done, I numbers, const OpacityEvents<W>& events) {

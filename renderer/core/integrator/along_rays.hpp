@@ -90,12 +90,7 @@ PRIMRAY_RARE void offer_volumes(const VolumeTable& volumes, vbool<W> m, const vv
     const VoxelChoice<W> near =
         grid.voxel_at(in_grid, numbers.voxel(), [&] { return EventNumbers<W>{numbers.seed, vint<W>(1)}.voxel(); });
     const F density = grid.value(near.x, near.y, near.z);
-    vvec3<W> albedo{F(medium.albedo[0]), F(medium.albedo[1]), F(medium.albedo[2])};
-    if (medium.albedo_grid >= 0) {
-      const GridRows<W> colors(volumes.grids, vint<W>(medium.albedo_grid));
-      albedo = albedo * colors.color(near.x + vint<W>(medium.albedo_shift[0]), near.y + vint<W>(medium.albedo_shift[1]),
-                                     near.z + vint<W>(medium.albedo_shift[2]));
-    }
+    const vvec3<W> albedo = AlbedoLookup<W>::of(medium).at(volumes.grids, m, near.x, near.y, near.z);
     const vvec3<W> extinction{F(medium.extinction[0]), F(medium.extinction[1]), F(medium.extinction[2])};
     at.offer(m & (density > F(0.0f)), extinction * albedo * density, F(medium.phase), numbers(5));
   }

@@ -2,24 +2,10 @@
 // left of it (expected values of ratio tracking). Events also occur at a least rate, so that thin volumes have little variance.
 #pragma once
 
+#include "volume/albedo_lookup.hpp"
 #include "volume/tracking.hpp"
 
 namespace primray {
-
-// Albedo of the media that rays collide with, in lanes.
-template <int W>
-struct AlbedoLookup {
-  vvec3<W> color{vfloat<W>(0.0f)};
-  vint<W> grid{-1};  // multiplied voxel by voxel; -1: none
-  vint<W> shift[3] = {vint<W>(0), vint<W>(0), vint<W>(0)};
-
-  PRIMRAY_INLINE vvec3<W> at(const GridTable& grids, vbool<W> m, const VoxelChoice<W>& voxel) const {
-    const vbool<W> varies = m & (grid >= vint<W>(0));
-    if (!any(varies)) return color;
-    const GridRows<W> rows(grids, select(varies, grid, vint<W>(0)));
-    return select(varies, color * rows.color(voxel.x + shift[0], voxel.y + shift[1], voxel.z + shift[2]), color);
-  }
-};
 
 template <int W>
 struct OpacityEvents {
@@ -53,7 +39,7 @@ struct OpacityEvents {
   PRIMRAY_INLINE B at_event(const GridRows<W>& grid, const CellWalk<W>& walk, const EventNumbers<W>& numbers, B event, F at) {
     const VoxelChoice<W> near = grid.voxel_at(walk.in_cell(at), numbers.voxel(), [&] { return numbers.velocity(); });
     const V collides = left * min(k * (grid.value(near.x, near.y, near.z) / max(rate(walk), 1e-30f)), 1.0f);
-    colored = select(event, colored + collides * albedo.at(*grids, event, near), colored);
+    colored = select(event, colored + collides * albedo.at(*grids, event, near.x, near.y, near.z), colored);
     weighted_distance += select(event, (collides.x + collides.y + collides.z) * (1.0f / 3) * at, F(0.0f));
     left = select(event, left - collides, left);
     return event & !(max_component(left) > F(kFaint));

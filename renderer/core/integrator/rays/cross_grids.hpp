@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "integrator/rays/path_pool.hpp"
+#include "volume/albedo_lookup.hpp"
 #include "volume/next_volume.hpp"
 #include "volume/tracking.hpp"
 
@@ -57,10 +58,10 @@ struct MediumLanes {
   PRIMRAY_INLINE MediumLanes(const VolumeTable& v, vint<W> instance)
       : row(gather<W>(v.in_media.of.data(), instance)), base_(reinterpret_cast<const int32_t*>(v.media.data())) {}
   PRIMRAY_INLINE vint<W> grid() const { return number(0); }
-  PRIMRAY_INLINE vint<W> albedo_grid() const { return number(1); }
-  PRIMRAY_INLINE vint<W> albedo_shift(int axis) const { return number(2 + axis); }
   PRIMRAY_INLINE vvec3<W> extinction() const { return {real(5), real(6), real(7)}; }
-  PRIMRAY_INLINE vvec3<W> albedo() const { return {real(8), real(9), real(10)}; }
+  PRIMRAY_INLINE AlbedoLookup<W> albedo() const {
+    return {{real(8), real(9), real(10)}, number(1), {number(2), number(3), number(4)}};
+  }
   PRIMRAY_INLINE vfloat<W> phase() const { return real(11); }
 
  private:
@@ -165,15 +166,8 @@ PRIMRAY_RARE void sample_collisions(const VolumeTable& volumes, const VolumeRays
       const vint<W> instance = gather<W>(tasks.instance, numbers);
       vvec3<W> albedo(vfloat<W>(1.0f));
       if (any(done & events.happens)) {
-        const MediumLanes<W> medium(volumes, instance);
-        albedo = medium.albedo();
-        const vint<W> grid = medium.albedo_grid();
-        if (const vbool<W> varies = done & events.happens & (grid >= vint<W>(0)); any(varies)) {
-          const GridRows<W> rows(volumes.grids, select(varies, grid, vint<W>(0)));
-          const vvec3<W> own = rows.color(events.voxel[0] + medium.albedo_shift(0), events.voxel[1] + medium.albedo_shift(1),
-                                          events.voxel[2] + medium.albedo_shift(2));
-          albedo = select(varies, albedo * own, albedo);
-        }
+        const AlbedoLookup<W> lookup = MediumLanes<W>(volumes, instance).albedo();
+        albedo = lookup.at(volumes.grids, done & events.happens, events.voxel[0], events.voxel[1], events.voxel[2]);
       }
       for (uint32_t b = bits(done); b; b &= b - 1) {
         const int i = __builtin_ctz(b), ray = tasks.ray[numbers[i]];
