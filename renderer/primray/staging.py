@@ -334,19 +334,38 @@ class GroundShadow:
         )
 
     def _shadowed(self) -> SceneDescription:
-        """Return the scene with only the ground visible to the camera; the rest casts its shadow."""
+        """Return the scene with only the ground visible to the camera; the rest casts its shadow.
+
+        Fog is hidden as well: it takes light from the ground, but the image has what is between the camera and the ground.
+        """
+        hidden = CameraVisibility.HIDDEN
         surfaces = tuple(
-            replace(surface, camera=CameraVisibility.SEEN if surface.path == GROUND else CameraVisibility.HIDDEN)
+            replace(surface, camera=CameraVisibility.SEEN if surface.path == GROUND else hidden)
             for surface in self.description.surfaces
         )
-        return replace(self.description, surfaces=surfaces)
+        fog = self.description.fog
+        return replace(
+            self.description,
+            surfaces=surfaces,
+            media=tuple(replace(medium, camera=hidden) for medium in self.description.media),
+            volume_emissions=tuple(replace(glow, camera=hidden) for glow in self.description.volume_emissions),
+            fog=None if fog is None else replace(fog, hidden=True),
+        )
 
     def _bare(self) -> SceneDescription:
-        """Return the scene with the ground alone."""
+        """Return the scene with the ground alone, and the fog."""
         shown = self._shadowed()
         (placed,) = (p for p in shown.static if shown.shapes[p.shape].path == GROUND)
         alone = (Placed(0, placed.matrix),)
-        return replace(shown, shapes=(shown.shapes[placed.shape],), static=alone, prototypes=(), placements=())
+        return replace(
+            shown,
+            shapes=(shown.shapes[placed.shape],),
+            static=alone,
+            prototypes=(),
+            placements=(),
+            media=(),
+            volume_emissions=(),
+        )
 
 
 class _Views:

@@ -20,7 +20,7 @@ from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.images.exposure import View, exposure_that_serves, view_fault
 from primray.settings import RenderSettings
-from primray.staging import GROUND, with_requested_additions
+from primray.staging import GROUND, GroundShadow, Spent, with_requested_additions
 from primray.usd import translate
 
 FFMPEG = shots._program()  # before a test hides it from PATH
@@ -157,6 +157,66 @@ def test_smoke_above_a_ground_that_only_its_shadow_shows_is_seen(tmp_path: Path)
     assert image.pixels[..., :3].max() > 0
     assert image.report["error"] is not None
     assert "empty-picture" not in {told["code"] for told in image.report["diagnostics"]}
+
+
+DOWN = """double3 xformOp:translate = (3.5, 40, 3.5)
+    float xformOp:rotateX = -90
+    token projection = 'orthographic'
+    float horizontalAperture = 40
+    float verticalAperture = 40
+    uniform token[] xformOpOrder = ['xformOp:translate', 'xformOp:rotateX']"""
+NOON = """
+def DistantLight "Sun" {
+    float inputs:angle = 0
+    float xformOp:rotateX = -90
+    uniform token[] xformOpOrder = ["xformOp:rotateX"]
+}
+"""
+FOG = """
+def Xform "World" {
+    float primray:fog:density = 0.05
+    float primray:fog:top = 20
+}
+"""
+FIRE = """
+def Material "Look" {
+    token outputs:arnold:volume.connect = </Look/v.outputs:out>
+    def Shader "v" {
+        uniform token info:id = "arnold:standard_volume"
+        string inputs:emission_mode = "density"
+        float inputs:emission = 1000000
+        float inputs:scatter = 1
+        color3f inputs:scatter_color = (1, 1, 1)
+        token outputs:out
+    }
+}
+"""
+
+
+def shadow_of(text: str, width: int = 8) -> npt.NDArray[np.float32]:
+    """The opacity of the shadow on a ground below 8^3 voxels of one unit, seen from above through them: 4 x 4 units."""
+    stage = stage_of(NOON + text, camera=DOWN)
+    stage.SetMetadata("metersPerUnit", 1.0)
+    if stage.GetPrimAtPath("/World"):
+        stage.SetDefaultPrim(stage.GetPrimAtPath("/World"))
+    settings = RenderSettings(ground="shadow", resolution=(width, width))
+    description, _ = translate(stage, settings)
+    description = with_requested_additions(description, settings, Diagnostics())
+    return GroundShadow(description, {}, settings).opacity(np.zeros((width, width), np.float32), Spent(64, 10**7))
+
+
+def test_smoke_casts_a_shadow_on_a_ground_that_only_its_shadow_shows(tmp_path: Path) -> None:
+    """The shadow has the opacity of the smoke along the light; what is seen of smoke or fog before the ground has no part."""
+    write(tmp_path, grid(0.125))
+    smoke = volume_text().replace("./smoke.vdb", str(tmp_path / "smoke.vdb"))
+    expected = 1 - np.exp(-0.125 * 8)
+    for text in (smoke, smoke + FOG):
+        found = shadow_of(text)
+        assert found[3:5, 3:5].mean() == pytest.approx(expected, abs=0.02)
+    assert shadow_of(FOG + CUBE).mean() < 0.2  # fog alone is no shadow
+    # What shines dims the shadow, as shapes that shine do, but is not seen.
+    fire = volume_text(bound="/Look").replace("./smoke.vdb", str(tmp_path / "smoke.vdb")) + FIRE
+    assert shadow_of(fire).mean() < 0.1
 
 
 def test_only_the_shadow_on_a_ground_is_seen() -> None:

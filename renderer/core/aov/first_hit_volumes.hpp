@@ -150,13 +150,18 @@ class FirstHitVolumes {
         divide(i, medium.row[i], left[i], cover);
       else if (in_fog[i])
         cover(i, {SeenVolume::kFog, 0, {}}, left[i]);
-      else
+      else if (!is_matte(size_t(instance[i])))
         cover(i, {SeenVolume::kGrid, scene_.volumes->in_media.of[size_t(instance[i])], {}}, left[i]);
     }
     return m & !(in_grid | in_fog | in_shapes);
   }
 
  private:
+  // Mattes cover nothing.
+  bool is_matte(size_t instance) const {
+    const CameraVisibilityTable& camera = scene_.volumes->in_media.camera;
+    return camera.any() && camera.of_surface[instance] == int32_t(CameraVisibility::kMatte);
+  }
   static bool any_of(B m) { return primray::any(m); }
   static F component(const V& v, int c) { return c == 0 ? v.x : c == 1 ? v.y : v.z; }
 
@@ -169,7 +174,8 @@ class FirstHitVolumes {
     store(end_, select(m, end, F(0.0f))), store(number_, seed);
   }
   VolumeRays columns() const {
-    return {ray_[0], ray_[1], ray_[2], ray_[3], ray_[4], ray_[5], ray_[6], end_, number_, scene_.moves() ? ray_[7] : nullptr};
+    return {ray_[0], ray_[1], ray_[2], ray_[3], ray_[4], ray_[5], ray_[6], end_, number_, scene_.moves() ? ray_[7] : nullptr,
+            depth_};
   }
 
   // Media of filled shapes and fog around the ways.
@@ -178,7 +184,7 @@ class FirstHitVolumes {
     const B in_shapes = m & way.closed & (way.sets != I(0));
     if (any_of(in_shapes)) r.add(in_shapes, *sets_, VolumeSets::row_of(select(in_shapes, way.sets, I(0)), B(true)));
     const Fog& fog = scene_.interiors.fog;
-    if (fog.any()) r.add(FogAlong<W>(fog, m, way.ray.o - way.ray.d * way.origin_distance, way.ray.d), fog);
+    if (fog.any() && !fog.hidden) r.add(FogAlong<W>(fog, m, way.ray.o - way.ray.d * way.origin_distance, way.ray.d), fog);
     return r;
   }
   void add_homogeneous(B m, const WayToHit<W>& way, F end, F u, Opacity& r) const {
@@ -245,7 +251,7 @@ class FirstHitVolumes {
   std::optional<VolumeSets> sets_;
   VolumePasses passes_;
   alignas(64) float ray_[8][W + 16], end_[W + 16], left_[3][W + 16], colored_[3][W + 16], distance_[W + 16];
-  alignas(64) int32_t instance_[W + 16];
+  alignas(64) int32_t instance_[W + 16], depth_[W + 16] = {};
   alignas(64) uint32_t number_[W + 16];
 };
 

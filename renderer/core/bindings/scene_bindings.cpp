@@ -50,6 +50,7 @@ void bind_scene(nb::module_& m) {
       .def_rw("density", &FogInput::density)
       .def_rw("phase", &FogInput::phase)
       .def_rw("falloff", &FogInput::falloff)
+      .def_rw("hidden", &FogInput::hidden)
       .def_prop_rw("top", nullptr, [](FogInput& f, Numbers<double> v) { f.top = dvec3_of(v); })
       .def_prop_rw("up", nullptr, [](FogInput& f, Numbers<double> v) { f.up = dvec3_of(v); });
   def_vec3(fog, "albedo", &FogInput::albedo), def_vec3(fog, "emission", &FogInput::emission);

@@ -39,12 +39,13 @@ void bind_volumes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
   medium.def(nb::init<>())
       .def_rw("grid", &HeldMedium::grid)
       .def_rw("albedo_grid", &HeldMedium::albedo_grid)
-      .def_rw("phase", &HeldMedium::phase);
+      .def_rw("phase", &HeldMedium::phase)
+      .def_rw("camera", &HeldMedium::camera);
   def_vec3(medium, "extinction", &HeldMedium::extinction);
   def_vec3(medium, "albedo", &HeldMedium::albedo);
   def_instances(medium);
   nb::class_<HeldEmission> emission(m, "VolumeEmissionInput");
-  emission.def(nb::init<>()).def_rw("grid", &HeldEmission::grid);
+  emission.def(nb::init<>()).def_rw("grid", &HeldEmission::grid).def_rw("camera", &HeldEmission::camera);
   def_vec3(emission, "emission", &HeldEmission::emission);
   def_instances(emission);
   builder

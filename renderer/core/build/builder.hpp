@@ -36,6 +36,7 @@ struct FogInput {
   float phase = 0;  // see medium/phase_function.hpp
   dvec3 top{0.0, 0.0, 0.0}, up{0.0, 0.0, 0.0};
   double falloff = 0;
+  bool hidden = false;  // from the camera
 };
 
 class SceneBuilder {

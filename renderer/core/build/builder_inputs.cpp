@@ -37,7 +37,7 @@ void SceneBuilder::set_fog(const FogInput& input) {
   fog.extinction = float(input.density / scale), fog.albedo = input.albedo;
   fog.emission = input.emission * float(1 / scale), fog.phase = input.phase;
   fog.up = vec3(input.up), fog.top = float(dot(input.up, input.top - scene_->origin) * scale);
-  fog.falloff = float(input.falloff * scale);
+  fog.falloff = float(input.falloff * scale), fog.hidden = input.hidden;
 }
 
 int32_t SceneBuilder::add_surface(const SurfaceInput& constants, std::vector<InputSource> varying, int tape) {

@@ -18,15 +18,24 @@ struct MediaExtent {
   vfloat<W> from, to, extinction;
 };
 
-// Returns the extent of the volumes' boxes on rays `m`.
+// Returns the lanes of `m` in which light that instance `i` scatters is seen: the camera sees none of volumes that are hidden
+// from it, or mattes. `looks`: lanes of rays that come straight from the camera.
 template <int W>
-PRIMRAY_RARE MediaExtent<W> extent_of_volumes(const VolumeTable& volumes, vbool<W> m, const vvec3<W>& o, const vvec3<W>& d,
-                                              vfloat<W> begin, vfloat<W> end, vfloat<W> time) {
+PRIMRAY_INLINE vbool<W> shown(const VolumePlacements& placed, size_t i, vbool<W> m, vbool<W> looks) {
+  if (!placed.camera.any()) return m;
+  return placed.camera.of_surface[i] == int32_t(CameraVisibility::kSeen) ? m : m & !looks;
+}
+
+// Returns the extent of the volumes' boxes on rays of lanes `all_rays`; `looks` as in shown().
+template <int W>
+PRIMRAY_RARE MediaExtent<W> extent_of_volumes(const VolumeTable& volumes, vbool<W> all_rays, vbool<W> looks, const vvec3<W>& o,
+                                              const vvec3<W>& d, vfloat<W> begin, vfloat<W> end, vfloat<W> time) {
   using F = vfloat<W>;
   MediaExtent<W> all{F(kInfinity), F(0.0f), F(0.0f)};
   for (size_t i = 0; i < volumes.in_media.size(); ++i) {
     const VolumeTable::Medium& medium = volumes.media[size_t(volumes.in_media.of[i])];
     const GridTable::Row& row = volumes.grids.rows[size_t(medium.grid)];
+    const vbool<W> m = shown(volumes.in_media, i, all_rays, looks);
     F from = begin, to = end;
     clip_to_grid(row, GridRays<W>(volumes.in_media, m, vint<W>(int32_t(i)), o, d, time), from, to);
     const vbool<W> crosses = m & (from < to);
@@ -76,10 +85,10 @@ struct MediumAtPoint {
   PRIMRAY_INLINE vvec3<W> scattered() const { return scattering * weight; }
 };
 
-// Offers the volumes that contain points `p` at `time`.
+// Offers the volumes that contain points `p` at `time`; `looks` as in shown().
 template <int W>
-PRIMRAY_RARE void offer_volumes(const VolumeTable& volumes, vbool<W> m, const vvec3<W>& p, vfloat<W> time, vuint<W> seed,
-                                MediumAtPoint<W>& at) {
+PRIMRAY_RARE void offer_volumes(const VolumeTable& volumes, vbool<W> m, vbool<W> looks, const vvec3<W>& p, vfloat<W> time,
+                                vuint<W> seed, MediumAtPoint<W>& at) {
   using F = vfloat<W>;
   const vvec3<W> none(F(0.0f));
   for (size_t i = 0; i < volumes.in_media.size(); ++i) {
@@ -92,7 +101,8 @@ PRIMRAY_RARE void offer_volumes(const VolumeTable& volumes, vbool<W> m, const vv
     const F density = grid.value(near.x, near.y, near.z);
     const vvec3<W> albedo = AlbedoLookup<W>::of(medium).at(volumes.grids, m, near.x, near.y, near.z);
     const vvec3<W> extinction{F(medium.extinction[0]), F(medium.extinction[1]), F(medium.extinction[2])};
-    at.offer(m & (density > F(0.0f)), extinction * albedo * density, F(medium.phase), numbers(5));
+    at.offer(shown(volumes.in_media, i, m, looks) & (density > F(0.0f)), extinction * albedo * density, F(medium.phase),
+             numbers(5));
   }
 }
 
@@ -140,7 +150,8 @@ PRIMRAY_RARE bool choose_along_rays(Round& round) {
     F end = min(p.ray.tfar, select(load<W>(pool.geom + at) != vint<W>(-1), load<W>(pool.t + at), kInfinity));
     if (scene.lights.needs_hit_test) end = end_at_bodies(round, active & (p.bsdf_pdf == F(0.0f)), p, end);
     MediaExtent<W> extent{F(kInfinity), F(0.0f), F(0.0f)};
-    if (round.has_volumes()) extent = extent_of_volumes(*scene.volumes, active, p.ray.o, p.ray.d, p.ray.tnear, end, p.ray.time);
+    if (round.has_volumes())
+      extent = extent_of_volumes(*scene.volumes, active, p.depth == vint<W>(0), p.ray.o, p.ray.d, p.ray.tnear, end, p.ray.time);
     if (round.follows_media()) {
       const MediumState<W> own = round.worker.medium_states->pool->template at<W>(at);
       active &= is_lit(scene, own);
@@ -181,7 +192,7 @@ PRIMRAY_RARE void send_along_rays(Round& round) {
     const vuint<W> seed = volume_seed<W>(p.sampler.seed, p.sampler.reversed_index, p.vertex);
     const V point = p.ray.o + p.ray.d * t;
     MediumAtPoint<W> medium;
-    if (round.has_volumes()) offer_volumes(*scene.volumes, lit, point, p.ray.time, seed, medium);
+    if (round.has_volumes()) offer_volumes(*scene.volumes, lit, p.depth == vint<W>(0), point, p.ray.time, seed, medium);
     MediumState<W> own;
     V around(F(1.0f));
     if (round.follows_media()) {
@@ -225,8 +236,9 @@ PRIMRAY_RARE void sample_along_rays(Round& round) {
     for (int at = 0; at < pool.count; at += W)
       store(volumes.number + at, volume_seed<W>(load<W>(pool.seed + at) ^ vuint<W>(0x68bc21ebu),
                                                 load<W>(pool.reversed_index + at), load<W>(pool.vertex + at)));
-    const VolumeRays rays{pool.ox, pool.oy,    pool.oz, pool.dx,        pool.dy,
-                          pool.dz, pool.tnear, state.t, volumes.number, round.needs.time ? pool.time : nullptr};
+    const VolumeRays rays{pool.ox,   pool.oy,    pool.oz, pool.dx,        pool.dy,
+                          pool.dz,   pool.tnear, state.t, volumes.number, round.needs.time ? pool.time : nullptr,
+                          pool.depth};
     attenuate<W>(*round.scene.volumes, rays, pool.count, volumes.passes, state.left[0], state.left[1], state.left[2]);
   }
   send_along_rays<W>(round);

@@ -2,6 +2,7 @@
 // becomes its hit. After media: paths that collide scatter there, and are not shaded in this round.
 #pragma once
 
+#include "integrator/camera_visibility.hpp"
 #include "integrator/gather_emission.hpp"
 #include "integrator/media.hpp"
 #include "integrator/phase_vertex.hpp"
@@ -31,8 +32,9 @@ PRIMRAY_RARE void collide_in_volumes(Round& round) {
     store(state.number + at,
           volume_seed<W>(load<W>(pool.seed + at), load<W>(pool.reversed_index + at), load<W>(pool.vertex + at)));
   }
-  const VolumeRays rays{pool.ox, pool.oy,    pool.oz,   pool.dx,      pool.dy,
-                        pool.dz, pool.tnear, state.end, state.number, round.needs.time ? pool.time : nullptr};
+  const VolumeRays rays{pool.ox,   pool.oy,    pool.oz,   pool.dx,      pool.dy,
+                        pool.dz,   pool.tnear, state.end, state.number, round.needs.time ? pool.time : nullptr,
+                        pool.depth};
   sample_collisions<W>(
       *round.scene.volumes, rays, pool.count, state.passes,
       {state.end, pool.beta_r, pool.beta_g, pool.beta_b, state.instance, state.albedo[0], state.albedo[1], state.albedo[2]});
@@ -71,6 +73,14 @@ PRIMRAY_RARE void shade_volume_lanes(Round& round, int at, vbool<W> collides, Pa
   add_to_slots(round, collides, sum_of(round, p.slot, p.depth), p.beta * gathered);
   if (round.needs.lpe) add_recorded_at(round, at, p), resolve_lpe_where(reaches, p);
   if (round.scene.has_thin) clear_gap_marks(round, reaches & (p.depth == vint<W>(0)), p);
+
+  // End paths at mattes, which cover nothing of their pixels
+  if (const CameraVisibilityTable& camera = volumes.in_media.camera; camera.any()) {
+    const vbool<W> matte = camera.lanes_with(CameraVisibility::kMatte, reaches & (p.depth == vint<W>(0)), hits.inst);
+    if (any(matte)) reduce_alpha(round, matte, p);
+    reaches &= !matte;
+    if (PathLog* const log = path_log<W>(round); log && any(matte)) log->end(p, "a matte ends it");
+  }
 
   // Scatter
   // All lights illuminate volumes, whichever surface the path comes from.

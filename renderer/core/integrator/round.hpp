@@ -117,8 +117,10 @@ PRIMRAY_RARE void add_media(const Round& round, int at, const MediumState<W>& st
     const vint<W> sets = select(in_volumes, state.volumes, vint<W>(0));
     r.add(in_volumes, round.worker.medium_states->sets, VolumeSets::row_of(sets, load<W>(pool.depth + at) == vint<W>(0)));
   }
-  if (interiors.fog.any())
-    r.add(FogAlong<W>(interiors.fog, outside, rays.o - rays.d * state.origin_distance, rays.d), interiors.fog);
+  if (interiors.fog.any()) {
+    const vbool<W> in_fog = interiors.fog.hidden ? outside & (load<W>(pool.depth + at) != vint<W>(0)) : outside;
+    r.add(FogAlong<W>(interiors.fog, in_fog, rays.o - rays.d * state.origin_distance, rays.d), interiors.fog);
+  }
 }
 
 // Medium that surrounds the paths at `at`, along their rays: `state` is theirs.

@@ -59,8 +59,12 @@ PRIMRAY_INLINE void begin_emission(const Round& round, vbool<W> fresh, vint<W> r
   const LightTable& lights = round.scene.lights;
   const I row = gather<W>(volumes.in_emissions.of.data(), instance) * I(6);
   const float* rows = reinterpret_cast<const float*>(volumes.emissions.data());
-  events.radiance =
-      select(fresh, {gather<W>(rows + 3, row), gather<W>(rows + 4, row), gather<W>(rows + 5, row)}, events.radiance);
+  vvec3<W> radiance{gather<W>(rows + 3, row), gather<W>(rows + 4, row), gather<W>(rows + 5, row)};
+  if (const CameraVisibilityTable& camera = volumes.in_emissions.camera; camera.any()) {
+    const vbool<W> looks = fresh & (gather<W>(pool.depth, select(fresh, ray, I(0))) == I(0));
+    radiance = select(looks & !camera.lanes_with(CameraVisibility::kSeen, looks, instance), vvec3<W>(F(0.0f)), radiance);
+  }
+  events.radiance = select(fresh, radiance, events.radiance);
   const F pdf = gather<W>(pool.bsdf_pdf, ray), travelled = round.needs.travelled ? gather<W>(pool.travelled, ray) : F(0.0f);
   events.scattered_pdf = select(fresh, pdf, events.scattered_pdf);
   events.travelled = select(fresh, travelled, events.travelled);
@@ -147,8 +151,9 @@ PRIMRAY_RARE void gather_volume_emission(Round& round) {
     if (const vbool<W> sees_body = active & (p.bsdf_pdf == F(0.0f)); any(sees_body))
       store(state.end + at, end_at_bodies(round, sees_body, p, load<W>(state.end + at)));
   }
-  const VolumeRays rays{pool.ox, pool.oy,    pool.oz,   pool.dx,      pool.dy,
-                        pool.dz, pool.tnear, state.end, state.number, round.needs.time ? pool.time : nullptr};
+  const VolumeRays rays{pool.ox,   pool.oy,    pool.oz,   pool.dx,      pool.dy,
+                        pool.dz,   pool.tnear, state.end, state.number, round.needs.time ? pool.time : nullptr,
+                        pool.depth};
   std::vector<PlacedEmission> placed;
   if (round.deep)
     track_emission<W, PlacedEmissionEvents<W, MediaAround<W>>>(round, rays, [&](int ray, const auto& events, int i) {

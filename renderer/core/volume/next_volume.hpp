@@ -10,12 +10,18 @@ struct VolumeRays {
   const float *ox, *oy, *oz, *dx, *dy, *dz;
   const float* begin;  // null: all rays begin at 0
   const float* end;
-  const uint32_t* number;  // seeds of random numbers
-  const float* time;       // null: nothing moves
+  const uint32_t* number;          // seeds of random numbers
+  const float* time;               // null: nothing moves
+  const int32_t* depth = nullptr;  // scattering events before; null: no ray comes from the camera
 
   template <int W>
   PRIMRAY_INLINE vfloat<W> time_of(vint<W> ray) const {
     return time ? gather<W>(time, ray) : vfloat<W>(0.0f);
+  }
+  // Returns the lanes of `m` whose rays `ray` come straight from the camera.
+  template <int W>
+  PRIMRAY_INLINE vbool<W> from_camera(vbool<W> m, vint<W> ray) const {
+    return depth ? m & (gather<W>(depth, select(m, ray, vint<W>(0))) == vint<W>(0)) : vbool<W>(false);
   }
 };
 

@@ -63,7 +63,9 @@ Box widened(Box box) {
 
 }  // namespace
 
-daffine VolumePlacements::add(int32_t row, int32_t grid_number, const GridTable::Row& bounds, const VolumePath& path) {
+daffine VolumePlacements::add(int32_t row, int32_t grid_number, const GridTable::Row& bounds, const VolumePath& path,
+                              CameraVisibility seen) {
+  camera.add(of.size(), seen);
   Box box;
   daffine middle = path.core_from_index.front() * path.index_from_grid;
   if (!path.clock) {
@@ -179,7 +181,7 @@ std::vector<int64_t> VolumeTable::add_medium(const MediumInput& input, const daf
   media.push_back(medium);
   return for_instances(input.instances, core_from_world, first, [&](const VolumePath& path) {
     if (row.most > 0 && std::max({medium.extinction[0], medium.extinction[1], medium.extinction[2]}) > 0)
-      in_media.add(int32_t(media.size()) - 1, medium.grid, row, path);
+      in_media.add(int32_t(media.size()) - 1, medium.grid, row, path, input.camera);
   });
 }
 
@@ -198,7 +200,7 @@ std::vector<int64_t> VolumeTable::add_emission(const VolumeEmissionInput& input,
   emissions.push_back(emission);
   const auto place = [&](const VolumePath& path) {
     if (!shines) return;
-    const daffine core_from_grid = in_emissions.add(int32_t(emissions.size()) - 1, emission.grid, row, path);
+    const daffine core_from_grid = in_emissions.add(int32_t(emissions.size()) - 1, emission.grid, row, path, input.camera);
     const Box& box = in_emissions.boxes.back();
     events_per_value.push_back(float(kEvents / row.most));
     least_part.push_back(float(std::max(kLeastPart * double(length(box.high - box.low)), 1e-30)));

@@ -4,6 +4,7 @@
 
 #include <span>
 
+#include "bsdf/surface.hpp"
 #include "math/box.hpp"
 #include "math/matrix.hpp"
 #include "motion/motion_table.hpp"
@@ -25,6 +26,7 @@ struct MediumInput {
   vec3 albedo{1.0f, 1.0f, 1.0f};      // single-scattering albedo
   int albedo_grid = -1;               // its values are multiplied with the albedo, voxel by voxel; -1: none
   float phase = 0;                    // see medium/phase_function.hpp
+  CameraVisibility camera = CameraVisibility::kSeen;
   VolumeInstances instances;
 };
 
@@ -32,6 +34,7 @@ struct MediumInput {
 struct VolumeEmissionInput {
   int grid = -1;                    // of one channel or three
   vec3 emission{1.0f, 1.0f, 1.0f};  // radiance per unit of the grid's values and of the scene's lengths; not times extinction
+  CameraVisibility camera = CameraVisibility::kSeen;
   VolumeInstances instances;
 };
 
@@ -53,6 +56,7 @@ struct VolumePlacements {
   std::vector<float> index_from_core;  // 12 floats by instance: columns x, y, z, origin; of moving ones: in the span's middle
   std::vector<Box> boxes;              // by instance, in the core's space, around its path
   MotionTable motion;                  // core_from_grid of moving instances, each by itself
+  CameraVisibilityTable camera;        // by instance
 
   // Hierarchy of the boxes. Children of an inner node are adjacent.
   struct Node {
@@ -65,7 +69,7 @@ struct VolumePlacements {
   bool any() const { return !of.empty(); }
   size_t size() const { return of.size(); }
   // Adds an instance, and returns its core_from_grid, in the middle of the span.
-  daffine add(int32_t row, int32_t grid_number, const GridTable::Row& bounds, const VolumePath& path);
+  daffine add(int32_t row, int32_t grid_number, const GridTable::Row& bounds, const VolumePath& path, CameraVisibility seen);
   // Builds the hierarchy.
   void finish();
 };

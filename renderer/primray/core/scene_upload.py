@@ -307,6 +307,7 @@ def fog_input(fog: Fog) -> compiled.FogInput:
         top=[axis * (fog.top or 0.0) for axis in fog.up],
         up=(0.0, 0.0, 0.0) if fog.top is None else fog.up,
         falloff=fog.falloff,
+        hidden=fog.hidden,
     )
 
 

@@ -32,6 +32,7 @@ class VolumeUpload:
                 extinction=medium.extinction,
                 albedo=medium.albedo,
                 phase=phase_number(medium),
+                camera=compiled.CameraVisibility[medium.camera.value],
                 **_instances(medium),
             )
             self._note(medium.path, len(self._builder.add_medium(made)))
@@ -40,6 +41,7 @@ class VolumeUpload:
                 compiled.VolumeEmissionInput(),
                 grid=self._blurred_grid(emission),
                 emission=emission.emission,
+                camera=compiled.CameraVisibility[emission.camera.value],
                 **_instances(emission),
             )
             self._note(emission.path, len(self._builder.add_volume_emission(glow)))

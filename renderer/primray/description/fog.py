@@ -24,3 +24,4 @@ class Fog:
     top: float | None = None  # world coordinate along the up axis; None: the fog has no top
     up: Vector = (0.0, 1.0, 0.0)
     falloff: float = 0.0  # world units above the top over which the density falls to 1 / e; 0: it ends at the top
+    hidden: bool = False  # from the camera: it attenuates and scatters light, but camera rays pass it

@@ -16,7 +16,7 @@ import numpy as np
 from ..arrays import Doubles
 from .motion import MatrixMotion
 from .placement import Box, transformed_box
-from .shading import Color
+from .shading import CameraVisibility, Color
 
 if TYPE_CHECKING:
     from ..volumes.volume_grid import VolumeGrid
@@ -49,6 +49,7 @@ class VolumeMedium:
     motion: MatrixMotion | None = None  # of the instances
     blur: VelocityBlur | None = None  # of `grid`, and of `albedo_grid` with it
     material: str = ""  # path of the bound material
+    camera: CameraVisibility = CameraVisibility.SEEN
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,6 +62,7 @@ class VolumeEmission:
     matrices: Doubles  # (N, 4, 4) world_from_index, one for each instance, at the frame
     motion: MatrixMotion | None = None  # of the instances
     blur: VelocityBlur | None = None
+    camera: CameraVisibility = CameraVisibility.SEEN
 
 
 def volume_boxes(volumes: Iterable[VolumeMedium | VolumeEmission]) -> Doubles:

@@ -207,3 +207,61 @@ def test_bits_do_not_depend_on_lanes_and_a_resume(tmp_path: Path) -> None:
     again = render(tmp_path, text, *asked, spp=8, threads=1)
     for name in asked:
         np.testing.assert_array_equal(whole.aovs[name].values, again.aovs[name].values)
+
+
+PASS = """
+def RenderPass "pass" {
+    uniform bool collection:cameraVisibility:includeRoot = 1
+    MEMBERS
+}
+"""
+PASS_HIDDEN = PASS.replace("MEMBERS", "rel collection:cameraVisibility:excludes = </Smoke>")
+PASS_MATTE = PASS.replace("MEMBERS", "rel collection:matte:includes = </Smoke>")
+# Faces away from the camera, towards a sun that shines through the smoke.
+FLOOR = WALL.replace("-20)", "-2)")
+
+
+def passed(folder: Path, text: str, *aovs: str, **more: Any) -> primray.Image:
+    return render(folder, text, *aovs, render_pass="/pass", **more)
+
+
+@pytest.mark.parametrize("along", [True, False])
+def test_a_render_pass_hides_smoke_from_the_camera(tmp_path: Path, along: bool) -> None:
+    """Its shadow stays, whether or not lights are sampled along the rays; it is in no output."""
+    lights = SUN if not along else SUN + 'def SphereLight "Lamp" {\ndouble3 xformOp:translate = (3.5, 3.5, 40)\n'
+    lights += 'uniform token[] xformOpOrder = ["xformOp:translate"]\nfloat inputs:intensity = 1000\n}\n' if along else ""
+    text = lights + FLOOR + smoke(tmp_path, 0.5)
+    aovs = ("volume_opacity", "depth", "crypto_object", "volume_depth")
+    hidden = passed(tmp_path, text + PASS_HIDDEN, *aovs, spp=256, max_depth=1)
+    shown = render(tmp_path, text, *aovs, spp=256, max_depth=1)
+    bare = render(tmp_path, lights + FLOOR, "depth", spp=256, max_depth=1)
+    assert shown.aovs["volume_opacity"].values.max() > 0.5
+    assert hidden.aovs["volume_opacity"].values.max() == 0
+    np.testing.assert_array_equal(hidden.aovs["depth"].values, bare.aovs["depth"].values)
+    assert (hidden.pixels[..., 3] == 1).all()
+    # The wall has only what passes the smoke: of sun and sky, each of which the picture without it has in full.
+    ratio = hidden.pixels[..., :3].mean(axis=(0, 1)) / bare.pixels[..., :3].mean(axis=(0, 1))
+    assert (ratio < 0.9).all()
+    assert ratio[0] > ratio[1] > ratio[2]
+
+
+def test_smoke_that_is_a_matte_holds_out_what_is_behind_it(tmp_path: Path) -> None:
+    """Of what is behind the smoke there is as much as it lets through, and nothing of the smoke itself."""
+    text = SUN + WALL + smoke(tmp_path, 0.9)
+    matte = passed(tmp_path, text + PASS_MATTE, spp=4096, max_depth=1)
+    hidden = passed(tmp_path, text + PASS_HIDDEN, spp=64, max_depth=1)
+    left = np.exp(-8 * np.array(EXTINCTION))
+    ratio = matte.pixels[..., :3].mean(axis=(0, 1)) / hidden.pixels[..., :3].mean(axis=(0, 1))
+    np.testing.assert_allclose(ratio, left, rtol=0.03, atol=0.001)
+    assert matte.pixels[..., 3].mean() == pytest.approx(left.mean(), rel=0.03)
+
+
+def test_fire_that_is_hidden_from_the_camera_still_shines(tmp_path: Path) -> None:
+    fire = look('string inputs:emission_mode = "density"\nfloat inputs:density = 0.01\nfloat inputs:emission = 50')
+    write(tmp_path, grid(1.0))
+    text = volume_text(bound="/Look") + fire
+    shown, hidden = (render(tmp_path, text + WALL), passed(tmp_path, text + WALL + PASS_HIDDEN))
+    middle = np.s_[8, 8, 1]
+    assert hidden.pixels[middle] < 0.5 * shown.pixels[middle]
+    lit = passed(tmp_path, text + WALL + PASS_HIDDEN, spp=64).pixels[..., 1].mean()
+    assert lit > 1.02 * render(tmp_path, WALL, spp=64).pixels[..., 1].mean()

@@ -140,7 +140,13 @@ template <int W>
 PRIMRAY_INLINE TrackingTask<W> medium_task(const VolumeTable& volumes, const VolumeRays& rays, const VolumePasses& passes,
                                            vbool<W> m, vint<W> numbers) {
   TrackingTask<W> task = tracking_task(volumes.in_media, rays, passes, m, numbers);
-  task.segment.extinction = MediumLanes<W>(volumes, gather<W>(passes.instance, numbers)).extinction();
+  const vint<W> instance = gather<W>(passes.instance, numbers);
+  task.segment.extinction = MediumLanes<W>(volumes, instance).extinction();
+  if (const CameraVisibilityTable& camera = volumes.in_media.camera; camera.any()) {
+    const vbool<W> looks = rays.from_camera(m, gather<W>(passes.ray, numbers));
+    const vbool<W> hidden = camera.lanes_with(CameraVisibility::kHidden, looks, instance);
+    task.segment.extinction = select(hidden, vvec3<W>(vfloat<W>(0.0f)), task.segment.extinction);
+  }
   return task;
 }
 

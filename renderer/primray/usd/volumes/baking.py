@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles, Floats, Ints
-from ...description import NodeOutput, Operand, VolumeEmission, VolumeMedium
+from ...description import CameraVisibility, NodeOutput, Operand, VolumeEmission, VolumeMedium
 from ...process_memory import machine_bytes
 from ...volumes.volume_grid import LEAF, VOXELS, VolumeGrid
 from ..scene.context import Context
@@ -89,6 +89,7 @@ class VolumeMaker:
     path: str
     ctx: Context
     material: str = ""  # path of the bound material
+    camera: CameraVisibility = CameraVisibility.SEEN
     placed: list[tuple[Doubles, Field]] = field(default_factory=list)  # matrices of volumes, and the fields that they are of
     _invalid: int = field(default=0)  # values that were not finite
 
@@ -112,12 +113,12 @@ class VolumeMaker:
                 color = self._color(factor)
                 if any(color):
                     found = self.fields[name]
-                    yield VolumeEmission(path=self.path, grid=found.grid, emission=color, matrices=self._placed(found))
+                    yield VolumeEmission(path=self.path, grid=found.grid, emission=color, matrices=self._placed(found), camera=self.camera)
         elif emission != BLACK:
             domain, mask = self._domain([emission], "emission")
             grid = self._new_grid(domain, 3, "emission", lambda piece: self._values(emission, domain, piece, mask))
             color = self._color(np.ones(3))
-            yield VolumeEmission(path=self.path, grid=grid, emission=color, matrices=self._placed(domain.base))
+            yield VolumeEmission(path=self.path, grid=grid, emission=color, matrices=self._placed(domain.base), camera=self.camera)
         self._note_invalid()
 
     def _form(self, operand: Operand) -> LinearForm | None:
@@ -157,6 +158,7 @@ class VolumeMaker:
                     droplets=0.0 if lobe is None else self.coefficients.droplets,
                     matrices=self._placed(found),
                     material=self.material,
+                    camera=self.camera,
                 )
 
     def _anisotropy(self, lobe: Lobe, base: Field, domain: Domain | None) -> float:
@@ -227,6 +229,7 @@ class VolumeMaker:
                 droplets=self.coefficients.droplets,
                 matrices=placed,
                 material=self.material,
+                camera=self.camera,
             )
 
     def _domain(self, operands: Sequence[Operand], what: str) -> tuple[Domain, bool]:

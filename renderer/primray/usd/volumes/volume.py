@@ -12,6 +12,7 @@ from ...description import VolumeEmission, VolumeMedium
 from ...description.placement import chunks
 from ...volumes.volume_grid import VolumeGrid
 from ..instancing.instances import Chain
+from ..materials.appearance import camera_visibility
 from ..scene.context import Context
 from ..scene.droplets import droplets_of
 from ..scene.inheritance import ResolvedPrim
@@ -49,6 +50,7 @@ def add_volume(
         path=leaf.path,
         ctx=ctx,
         material="" if leaf.material is None else str(leaf.material.GetPath()),
+        camera=camera_visibility(leaf, ctx),
     )
     try:
         try:
