@@ -166,7 +166,9 @@ def test_inspect_lists_volumes(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
     write(tmp_path, grid(0.25), grid((0.1, 0.2, 0.3), name="emission", kind="vec3s"))
     path = tmp_path / "stage.usda"
-    path.write_text(f"#usda 1.0\n{SKY}{CAMERA}{volume_text({'density': '', 'emission': ''})}")
+    placed = "float3 xformOp:scale = (0.5, 2, 0.5)\ndouble3 xformOp:translate = (10, 0, 0)\n"
+    placed += 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]'
+    path.write_text(f"#usda 1.0\n{SKY}{CAMERA}{volume_text({'density': '', 'emission': ''}, placed)}")
     (found,) = primray.inspect(str(path))["volumes"]
     assert (found["path"], found["instances"]) == ("/Smoke", 1)
     assert [(g["name"], g["voxels"], g["size"]) for g in found["grids"]] == [
@@ -174,9 +176,12 @@ def test_inspect_lists_volumes(tmp_path: Path, capsys: pytest.CaptureFixture[str
         ("emission", 512, [8, 8, 8]),
     ]
     assert found["grids"][1]["bytes"] > 3 * 512 * 4
+    assert [g["voxel_size"] for g in found["grids"]] == [[0.5, 2, 0.5]] * 2
+    assert found["box"] == [[9.75, -1, -0.25], [13.75, 15, 3.75]]  # voxels' faces
     assert run(["inspect", str(path)]) == 0
     out = capsys.readouterr().out
-    assert "/Smoke: density 512 voxels in 8 x 8 x 8, 0.0 MiB; emission 512 voxels in 8 x 8 x 8" in out
+    grids = "density 512 voxels in 8 x 8 x 8 of 0.5 x 2 x 0.5, 0.0 MiB; emission 512 voxels in 8 x 8 x 8 of 0.5 x 2 x 0.5"
+    assert f"/Smoke, from (9.75, -1, -0.25) to (13.75, 15, 3.75): {grids}" in out
 
 
 @pytest.mark.filterwarnings("ignore")

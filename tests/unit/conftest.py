@@ -183,7 +183,12 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         counts=asdict,
         primvar_names=lambda description: {"st": 2},
         volume_facts=lambda description: [
-            {"path": "/smoke", "instances": 2, "grids": [{"name": "density", "voxels": 7, "size": [1, 2, 3], "bytes": 2**20}]}
+            {
+                "path": "/smoke",
+                "instances": 2,
+                "box": [[0, 0, 0], [1, 4, 0.75]],
+                "grids": [{"name": "density", "voxels": 7, "size": [1, 2, 3], "voxel_size": [0.5, 2, 0.25], "bytes": 2**20}],
+            }
         ],
         motion_facts=lambda description: None,
         texture_sizes=lambda description, read: {"/no/such.png": None},

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from .. import core
+from ..arrays import Doubles
 from ..description import (
     Curves,
     DisplacedMesh,
@@ -25,7 +26,10 @@ from ..description import (
     Sphere,
     SubdivisionMesh,
     TextureInput,
+    VolumeEmission,
+    VolumeMedium,
 )
+from ..description.placement import transformed_box
 from ..description.shading import pattern_files
 from ..errors import AssetError
 from ..settings import DEFAULT_DICING_RATE
@@ -155,23 +159,51 @@ def summary(
 
 
 def volume_facts(description: SceneDescription) -> list[dict[str, Any]]:
-    """Return the volumes in grids by path: their grids with active voxels, extent in voxels and bytes, and their instances.
+    """Return the volumes in grids by path: their grids with active voxels, extent in voxels and bytes, their instances, and the
+    box around the active voxels of all of these in the world.
 
     Grids with the extinction, the albedo and the emission of a volume are listed once each.
     """
     found: dict[str, dict[str, Any]] = {}
     for volume in description.volumes:
-        own = found.setdefault(volume.path, {"path": volume.path, "instances": 0, "grids": {}})
+        own = found.setdefault(volume.path, {"path": volume.path, "instances": 0, "box": None, "grids": {}})
         own["instances"] = max(own["instances"], len(volume.matrices))
+        own["box"] = _joined(own["box"], _active_box(volume))
         for grid in (volume.grid, getattr(volume, "albedo_grid", None)):
             if grid is not None:
-                own["grids"][id(grid)] = _grid_facts(grid)
+                own["grids"][id(grid)] = _grid_facts(grid, volume.matrices)
     return [{**own, "grids": list(own["grids"].values())} for own in found.values()]
 
 
-def _grid_facts(grid: VolumeGrid) -> dict[str, Any]:
+def _grid_facts(grid: VolumeGrid, matrices: Doubles) -> dict[str, Any]:
+    """Return facts of a grid; `matrices`: world_from_index (N, 4, 4), of which the first gives the size of its voxels."""
     size = None if grid.bounds is None else [int(n) for n in grid.bounds[1] - grid.bounds[0] + 1]
-    return {"name": grid.name, "voxels": int(grid.active_voxels), "size": size, "bytes": int(grid.nbytes)}
+    voxel = [float(np.linalg.norm(column)) for column in matrices[0, :3, :3].T] if len(matrices) else None
+    return {
+        "name": grid.name,
+        "voxels": int(grid.active_voxels),
+        "size": size,
+        "voxel_size": voxel,
+        "bytes": int(grid.nbytes),
+    }
+
+
+WorldBox = list[list[float]]  # low and high corner
+
+
+def _active_box(volume: VolumeMedium | VolumeEmission) -> WorldBox | None:
+    """Return the box in the world around the active voxels of all instances at the frame; None where there are none."""
+    if volume.grid.bounds is None or not len(volume.matrices):
+        return None
+    first, last = volume.grid.bounds.astype(np.float64)
+    low, high = transformed_box(volume.matrices, (first - 0.5, last + 0.5))
+    return [low.min(axis=0).tolist(), high.max(axis=0).tolist()]
+
+
+def _joined(a: WorldBox | None, b: WorldBox | None) -> WorldBox | None:
+    if a is None or b is None:
+        return a or b
+    return [np.minimum(a[0], b[0]).tolist(), np.maximum(a[1], b[1]).tolist()]
 
 
 def _grid_bytes(description: SceneDescription) -> int:

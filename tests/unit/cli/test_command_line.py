@@ -260,7 +260,7 @@ def test_inspect(pipeline: FakePipeline, capsys: pytest.CaptureFixture[str]) -> 
         "/i: 7 of 1 prototypes",
         "/m: cards",
         "/no/such.png: cannot be read",
-        "/smoke (2 instances): density 7 voxels in 1 x 2 x 3, 1.0 MiB",
+        "/smoke (2 instances), from (0, 0, 0) to (1, 4, 0.75): density 7 voxels in 1 x 2 x 3 of 0.5 x 2 x 0.25, 1.0 MiB",
     ]:
         assert text in out
     assert "render" not in pipeline.calls

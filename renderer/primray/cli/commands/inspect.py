@@ -151,11 +151,25 @@ def _volume(volume: dict[str, Any]) -> str:
     grids = [
         f"{grid['name']} {grid['voxels']:,} voxels"
         + ("" if grid["size"] is None else " in {} x {} x {}".format(*grid["size"]))
+        + _voxel_size(grid["voxel_size"])
         + f", {grid['bytes'] / 2**20:,.1f} MiB"
         for grid in volume["grids"]
     ]
     count = volume["instances"]
-    return f"{volume['path']}{f' ({count:,} instances)' if count > 1 else ''}: {'; '.join(grids)}"
+    where = "" if volume["box"] is None else ", from ({}) to ({})".format(*(_numbers(corner) for corner in volume["box"]))
+    return f"{volume['path']}{f' ({count:,} instances)' if count > 1 else ''}{where}: {'; '.join(grids)}"
+
+
+def _voxel_size(size: list[float] | None) -> str:
+    """Return the lengths of a voxel's edges in scene units, once if they are alike."""
+    if size is None:
+        return ""
+    alike = max(size) - min(size) <= 1e-6 * max(size)
+    return f" of {size[0]:.4g}" if alike else f" of {' x '.join(f'{edge:.4g}' for edge in size)}"
+
+
+def _numbers(values: list[float]) -> str:
+    return ", ".join(f"{value + 0.0:.5g}" for value in values)
 
 
 def _listed(name: str, texts: list[str], shown: int | None) -> Iterator[Row]:
