@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from .. import process_memory
-from ..errors import InternalError, PrimrayError
+from ..errors import PrimrayError
 from ..render.interruption import INTERRUPTED, end_at_once, install, interrupt
 from .console import exit_code_of, finish, make_lasting, print_error, print_json_error
 from .foreign_command_lines import translate_foreign_flags
@@ -69,8 +69,9 @@ def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
         if isinstance(error, OSError) and (known := _too_long(error)) is not None:
             return _fail(known, verbose, as_json)
         if not verbose:
-            hint = "this is a bug in primray; --verbose prints a traceback"
-            error = InternalError(f"{type(error).__name__}: {error} ({hint})")
+            from ..core.native import unexpected
+
+            error = unexpected(error, "this is a bug in primray; --verbose prints a traceback")
         return _fail(error, verbose, as_json)
     return 0
 

@@ -10,6 +10,7 @@ import hashlib
 import importlib
 import importlib.util
 import os
+import re
 import sys
 from functools import cache
 from importlib.machinery import PathFinder
@@ -117,6 +118,16 @@ def _imported(name: str) -> ModuleType:
     return module
 
 
+def is_outdated() -> bool:
+    """Return whether a module that is loaded is older than the core's sources, where these are beside the package."""
+    sources = Path(__file__).resolve().parents[2] / "core"
+    loaded = [m for name, m in list(sys.modules.items()) if re.fullmatch(r"primray\._core_v\d", name)]
+    if not loaded or not sources.is_dir():
+        return False
+    newest = max((file.stat().st_mtime for file in sources.rglob("*.[ch]pp")), default=0.0)
+    return any(Path(str(module.__file__)).stat().st_mtime < newest for module in loaded)
+
+
 @cache
 def build_digest() -> str:
     """Return a digest of the module's file: two builds need not agree in every bit."""
@@ -137,6 +148,17 @@ def threads(settings: RenderSettings) -> int:
 
 def max_depth(settings: RenderSettings) -> int:
     return NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
+
+
+def unexpected(error: Exception, hint: str) -> errors.InternalError:
+    """Return the error to report for an exception that nobody expected, with a hint; a core that is older than its sources is
+    the likeliest cause."""
+    if is_outdated():
+        message = (
+            "the compiled core is older than its sources, and they do not fit together: run `make setup`, which compiles it"
+        )
+        return errors.InternalError(f"{message} ({type(error).__name__}: {error})", code="core-outdated")
+    return errors.InternalError(f"{type(error).__name__}: {error} ({hint})")
 
 
 def raise_primray_error(error: Exception) -> NoReturn:

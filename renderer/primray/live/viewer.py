@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import InternalError, PrimrayError, SettingsError
+from ..core.native import unexpected
+from ..errors import PrimrayError, SettingsError
 from ..settings import check_stops
 from ..settings.choices import QUICK_LOOK
 from .viewed_scene import Size, View, ViewedScene
@@ -206,7 +207,7 @@ class Viewer:
             self._problems[of] = error
         except Exception as error:
             log.exception("the viewer failed")
-            self._problems[of] = InternalError(f"{type(error).__name__}: {error} (this is a defect in primray)")
+            self._problems[of] = unexpected(error, "this is a defect in primray")
 
     def _run(self) -> None:
         while True:
