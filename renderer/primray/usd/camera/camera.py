@@ -16,7 +16,7 @@ from ..render_settings.render_product import ProductSettings
 from ..scene.inheritance import transforms, world_matrix
 from ..stage.values import StandIns, When, matrix, number, read, token, vector
 from .distortion import Sensor, read_sensor, report_ignored_distortion
-from .lens import MM, WIDEST_TANGENT, Lens, read_diffusion, read_lens, report_ignored_lens, report_unknown_lens_names
+from .lens import MM, WIDEST_TANGENT, Lens, read_diffusion, read_lens, report_ignored_lens, report_unread_lens_names
 from .shutter import INSTANT, Shutter
 
 # Larger exposures would overflow single precision, as radiance is multiplied by them.
@@ -133,7 +133,7 @@ def read_camera(
     else:
         lens = read_lens(prim, focal, then, product.disable_depth_of_field, diagnostics)
     exposure_scale = _exposure_scale(prim, when, diagnostics)
-    report_unknown_lens_names(prim, diagnostics)
+    report_unread_lens_names(prim, when, diagnostics)
     return Camera(
         path=path,
         world_from_camera=_world_from_camera(prim, then, diagnostics),

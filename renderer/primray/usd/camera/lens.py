@@ -19,7 +19,7 @@ from ...lens.diffusion import NO_DIFFUSION, Diffusion, fault_of
 from ...settings import DIFFUSION, RenderSettings
 from ..scene.schemas import CONVENTIONS, LENS_WORDS
 from ..stage.reads import property_names
-from ..stage.values import When, flag, number, read, vector
+from ..stage.values import When, flag, number, read, report_without_value, vector
 from .distortion import DISTORTION_PREFIX
 from .shutter import READOUT
 
@@ -168,7 +168,7 @@ def _with_authored_flaws(camera: Camera, prim: Usd.Prim, when: When, diagnostics
     shift_r, shift_g, shift_b = vector(prim, FOCUS_SHIFT, when, (0.0, 0.0, 0.0), diagnostics)
     return replace(
         camera,
-        natural_vignetting=flag(prim, NATURAL_VIGNETTING, when, False),
+        natural_vignetting=flag(prim, NATURAL_VIGNETTING, when, False, diagnostics),
         rim=(not_below_0(RIM_DISTANCE), not_below_0(RIM_RADIUS)),
         channel_magnification=(red, green, blue),
         channel_focus_shift=(shift_r, shift_g, shift_b),
@@ -197,12 +197,13 @@ LENS_NAMES = frozenset(
 )
 
 
-def report_unknown_lens_names(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
-    """Report attributes `primray:lens:...` that the schema does not have."""
+def report_unread_lens_names(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
+    """Report attributes `primray:lens:...` that the schema does not have, or that have no value."""
     for name in sorted(property_names(prim)):
         if name.startswith(LENS_PREFIX) and name not in LENS_NAMES:
             message = f"{name} is ignored: PrimrayLensAPI has no such attribute."
             diagnostics.add("camera-input", str(prim.GetPath()), message, name)
+    report_without_value(prim, LENS_NAMES, when, diagnostics)
 
 
 def read_diffusion(prim: Usd.Prim, lens: Lens, when: When, diagnostics: Diagnostics) -> Diffusion:

@@ -130,7 +130,7 @@ def _surface(network: Network, material: AuthoredPrim, path: str, ctx: Context) 
         if isinstance(source, Node):
             if source.id in SURFACE_SHADERS:
                 _note_unread(outputs, output, path, ctx)
-                if HAIR in names and flag(prim, HAIR, ctx.when, False):
+                if HAIR in names and flag(prim, HAIR, ctx.when, False, ctx.diagnostics):
                     from .hair import preview_hair
 
                     return Material(preview_hair(source, path, ctx)), None

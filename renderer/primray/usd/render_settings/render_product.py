@@ -23,7 +23,7 @@ from ...diagnostics import Diagnostics
 from ...settings import PURPOSES
 from ...settings.stage_settings import NOTHING_ASKED, StageSettings
 from ..stage.reads import authored_attributes, property_names, targets, type_name
-from ..stage.values import When, value
+from ..stage.values import When, flag, value
 from .stage_settings import PREFIX, VARIABLES, read_stage_settings, report_unknown_names
 
 PREFIXES = ("driver:parameters:openexr:", "driver:parameters:", "arnold:driver_exr:", "arnold:")
@@ -364,7 +364,7 @@ def read_variable(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Rende
         message = f"sourceType = {kind!r} is unknown: raw is used."
         diagnostics.add("render-settings-input", str(prim.GetPath()), message, "sourceType")
         kind = "raw"
-    source, errors = text("sourceName", ""), _get(prim, f"{PREFIX}errors", when) is True
+    source, errors = text("sourceName", ""), flag(prim, f"{PREFIX}errors", when, False, diagnostics)
     report_unknown_names(prim, property_names(prim), VARIABLES, diagnostics)
     own = read_variable_parameters(prim, when, diagnostics)
     name, data_type = own.get("name", prim.GetName()), own.get("format") or text("dataType", "color3f")

@@ -39,7 +39,7 @@ from ..scene.schemas import (
     TOTAL_BOUNCES,
 )
 from ..stage.reads import authored_attributes, connections, targets
-from ..stage.values import When, value
+from ..stage.values import When, report_without_value, value
 
 PREFIX = "primray:"
 SHOWN = 80  # characters of a value that cannot be used
@@ -64,6 +64,8 @@ def read_stage_settings(
     settings: Usd.Prim, product: Usd.Prim | None, when: When, diagnostics: Diagnostics
 ) -> tuple[StageSettings, PictureView]:
     """Return the render settings of a product (those that it does not author are its RenderSettings'), and its view."""
+    for prim in (settings, *([] if product is None else [product])):
+        report_without_value(prim, NAMES, when, diagnostics)
     found = _authored(settings, when)
     if product is not None:
         found |= _authored(product, when)

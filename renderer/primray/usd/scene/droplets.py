@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pxr import Usd
 
 from ..stage.reads import property_names
-from ..stage.values import number
+from ..stage.values import number, report_without_value
 from .context import Context
 
 PREFIX = "primray:volume:"
@@ -25,6 +25,7 @@ def droplets_of(prims: Iterable[Usd.Prim | None], ctx: Context) -> float:
             if name != DIAMETER:
                 message = f"{name} is ignored: PrimrayVolumeAPI has no such attribute."
                 ctx.warn("unknown-input", ctx.shown(str(prim.GetPath())), message, name)
+        report_without_value(prim, (DIAMETER,), ctx.when, ctx.diagnostics)
         if names:
             return diameter(prim, DIAMETER, ctx)
     return 0.0

@@ -4,15 +4,17 @@ prim.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
 from pxr import Usd
 
 from ...description import Fog, Light, LightType
 from ..stage.metadata import default_prim, meters_per_unit, up_axis
 from ..stage.reads import property_names
-from ..stage.values import number, vector
+from ..stage.values import number, report_without_value, vector
 from .color_spaces import color_in_rendering_space, scope_of
 from .context import Context
 from .droplets import diameter
@@ -22,7 +24,7 @@ DENSITY, COLOR, ANISOTROPY = f"{PREFIX}density", f"{PREFIX}color", f"{PREFIX}ani
 DROPLETS = f"{PREFIX}dropletDiameter"
 EMISSION, TOP, FALLOFF = f"{PREFIX}emission", f"{PREFIX}top", f"{PREFIX}falloff"
 NAMES = frozenset({DENSITY, COLOR, ANISOTROPY, DROPLETS, EMISSION, TOP, FALLOFF})
-MOST_ANISOTROPY = 0.98
+MOST_ANISOTROPY = float(np.float32(0.98))
 MOST_ENDLESS = 0.99  # albedo of fog without a top: light that is never absorbed would be scattered without an end
 Color = tuple[float, float, float]
 
@@ -41,6 +43,7 @@ def _read(prim: Usd.Prim, lights: Iterable[Light], ctx: Context) -> Fog | None:
     for name in sorted(property_names(prim)):
         if name.startswith(PREFIX) and name not in NAMES:
             ctx.warn("unknown-input", path, f"{name} is ignored: PrimrayFogAPI has no such attribute.", name)
+    report_without_value(prim, NAMES, ctx.when, ctx.diagnostics)
     metres = meters_per_unit(ctx.stage)
     density = _at_least_zero(prim, DENSITY, path, ctx) * metres
     emission = _color(prim, EMISSION, (0.0, 0.0, 0.0), path, ctx)
@@ -51,8 +54,10 @@ def _read(prim: Usd.Prim, lights: Iterable[Light], ctx: Context) -> Fog | None:
     if max(r, g, b) > 1:
         ctx.warn("out-of-range", path, f"{COLOR} is above 1, and is clamped: fog scatters no more light than there is.", COLOR)
     anisotropy = number(prim, ANISOTROPY, ctx.when, 0.0, ctx.diagnostics)
-    if abs(anisotropy) > 1:
-        ctx.warn("out-of-range", path, f"{ANISOTROPY} = {anisotropy:g} is outside [-1, 1] and is clamped.", ANISOTROPY)
+    if abs(anisotropy) > MOST_ANISOTROPY:
+        most = f"{MOST_ANISOTROPY:g}"
+        message = f"{ANISOTROPY} = {anisotropy:g} is outside [-{most}, {most}] and is clamped."
+        ctx.warn("out-of-range", path, message, ANISOTROPY)
     droplets = diameter(prim, DROPLETS, ctx)
     if droplets > 0 and prim.GetAttribute(ANISOTROPY).HasAuthoredValue():
         ctx.warn("material-input", path, f"{ANISOTROPY} has no effect: {DROPLETS} gives the phase function.", ANISOTROPY)
@@ -84,7 +89,8 @@ def _top(prim: Usd.Prim, ctx: Context) -> float | None:
     attribute = prim.GetAttribute(TOP)
     if not attribute or not attribute.HasAuthoredValue():
         return None
-    return number(prim, TOP, ctx.when, 0.0, ctx.diagnostics)
+    top = number(prim, TOP, ctx.when, math.nan, ctx.diagnostics, "the fog has no top")
+    return None if math.isnan(top) else top
 
 
 def _report_endless(fog: Fog, path: str, lights: Iterable[Light], ctx: Context) -> None:

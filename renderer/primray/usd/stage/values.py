@@ -7,6 +7,7 @@ become column-vector numpy arrays here.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from ...arrays import Doubles, Floats
 from ...diagnostics import Diagnostics
-from .reads import authored_attributes, is_invisible, targets, type_name, value_at
+from .reads import authored_attributes, is_invisible, property_names, targets, type_name, value_at
 from .time_varying import earliest_if_unset, has_clips, has_samples, has_spline, number_of
 from .traversal import populated
 
@@ -183,14 +184,18 @@ def as_columns(raw: Any, element_size: int) -> Floats | None:
     return values.astype(np.float32, copy=False).reshape(-1, columns)
 
 
-def number(prim: Usd.Prim, name: str, when: When, default: float, diagnostics: Diagnostics) -> float:
-    """Return a finite number; `default` when there is none, with a diagnostic when the value is not a finite number."""
+def number(prim: Usd.Prim, name: str, when: When, default: float, diagnostics: Diagnostics, then: str = "") -> float:
+    """Return a finite number; `default` when there is none, with a diagnostic when the value is not a finite number.
+
+    `then`: what the diagnostic says of the default, if that is no value that is used.
+    """
     raw = read(prim, name, when)
     if raw is None:
         return default
-    if isinstance(raw, int | float) and math.isfinite(raw):
+    if isinstance(raw, int | float) and not isinstance(raw, bool) and math.isfinite(raw):
         return float(raw)
-    diagnostics.add("wrong-type", str(prim.GetPath()), f"{name} = {raw!r} is not a finite number; {default:g} is used.", name)
+    message = f"{name} = {raw!r} is not a finite number; {then or f'{default:g} is used'}."
+    diagnostics.add("wrong-type", str(prim.GetPath()), message, name)
     return default
 
 
@@ -216,9 +221,27 @@ def token(prim: Usd.Prim, name: str, when: When, default: str) -> str:
     return raw if isinstance(raw, str) and raw else default
 
 
-def flag(prim: Usd.Prim, name: str, when: When, default: bool) -> bool:
+def flag(prim: Usd.Prim, name: str, when: When, default: bool, diagnostics: Diagnostics | None = None) -> bool:
+    """Return whether an attribute is set; `default` when it is not a bool or an integer, which `diagnostics` get."""
     raw = read(prim, name, when)
-    return bool(raw) if isinstance(raw, bool | int) else default
+    if isinstance(raw, bool | int):
+        return bool(raw)
+    if raw is not None and diagnostics is not None:
+        message = f"{name} = {raw!r} is neither true nor false; {str(default).lower()} is used."
+        diagnostics.add("wrong-type", str(prim.GetPath()), message, name)
+    return default
+
+
+def report_without_value(prim: Usd.Prim, names: Iterable[str], when: When, diagnostics: Diagnostics) -> None:
+    """Report properties of these names that are authored and have no value: relationships, and attributes whose value comes by
+    a connection."""
+    for name in sorted(set(property_names(prim)).intersection(names)):
+        attribute = prim.GetAttribute(name)
+        if not attribute:
+            diagnostics.add("wrong-type", str(prim.GetPath()), f"{name} is a relationship; an attribute is expected.", name)
+        elif attribute.HasAuthoredConnections() and value(attribute, when) is None:
+            message = f"{name} is connected, which has no effect; a value is expected."
+            diagnostics.add("wrong-type", str(prim.GetPath()), message, name)
 
 
 def matrix(gf: Gf.Matrix4d) -> Doubles:

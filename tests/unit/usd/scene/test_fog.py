@@ -129,3 +129,43 @@ def test_an_edit_is_seen_by_a_kept_scene() -> None:
     kept.render(settings)
     stage.GetPrimAtPath("/lamp").GetAttribute("inputs:intensity").Set(4.0)
     assert kept.render(settings).report["pixels_sha256"] == primray.render(stage, settings).report["pixels_sha256"]
+
+
+@pytest.mark.parametrize(
+    ("line", "expected", "attribute"),
+    [
+        ('string primray:fog:top = "3"', "is not a finite number; the fog has no top", "top"),
+        ("bool primray:fog:top = true", "is not a finite number; the fog has no top", "top"),
+        ("rel primray:fog:top = </World>", "is a relationship; an attribute is expected", "top"),
+        ("float primray:fog:top.connect = </World.height>", "is connected, which has no effect; a value is expected", "top"),
+        ('token primray:fog:color = "red"', "is not 3 finite numbers", "color"),
+        ("float[] primray:fog:falloff = [1]", "is not a finite number; 0 is used", "falloff"),
+    ],
+)
+@pytest.mark.parametrize("api", [True, False])
+def test_values_of_other_types_are_reported(line: str, expected: str, attribute: str, api: bool) -> None:
+    stage = stage_of(f"    float primray:fog:density = 2\n    {line}\n")
+    if not api:
+        stage.GetPrimAtPath("/World").RemoveAppliedSchema("PrimrayFogAPI")
+    description, found = translate(stage, RenderSettings())
+    said = [(d.attribute, d.message) for d in found if d.code == "wrong-type"]
+    assert [of for of, _ in said] == [f"primray:fog:{attribute}"]
+    assert expected in said[0][1]
+    assert description.fog is not None
+    assert description.fog.top is None
+
+
+def test_a_double_is_as_good_as_a_float() -> None:
+    found, said = fog_of("    float primray:fog:density = 2\n    double primray:fog:top = 3\n")
+    assert said == []
+    assert found is not None
+    assert found.top == 3
+
+
+@pytest.mark.parametrize(("value", "is_reported"), [(0.98, False), (0.985, True), (-0.99, True), (2, True)])
+def test_an_anisotropy_that_is_clamped_is_reported(value: float, is_reported: bool) -> None:
+    fog = f"    float primray:fog:density = 2\n    float primray:fog:top = 3\n    float primray:fog:anisotropy = {value}\n"
+    found, said = fog_of(fog)
+    assert said == ([("out-of-range", "primray:fog:anisotropy")] if is_reported else [])
+    assert found is not None
+    assert abs(found.anisotropy) < 0.9801
