@@ -215,6 +215,9 @@ CODES: dict[str, Code] = {
         "Values of a volume are not what a density can be: negative, infinite or not a number, a background other than 0, or "
         "distances of a level set; they are read as 0, or as they are.",
         "Write the file again as a fog volume with finite, non-negative values and a background of 0."),
+    "volume-empty": Code(Severity.WARNING, Kind.NOTE,
+        "A grid that a volume is made of is 0 everywhere: nothing of it is seen.",
+        "Check the file and the frame: simulations often begin with empty grids."),
     "volume-convention": Code(Severity.INFO, Kind.CHOSEN,
         "USD has no normative volume shader: the message says by which renderer's convention a Volume is rendered, and in "
         "which unit.",

@@ -27,7 +27,7 @@ from .shaders import density_name
 
 _ROWS = 1 << 10  # leaves that are evaluated at a time
 _ALIKE = 1e-5  # relative difference up to which colours of voxels count as one
-_LARGEST_ANISOTROPY = 0.999
+_LARGEST_ANISOTROPY = float(np.float32(0.999))
 _MOST_TILE_LEAVES = 1 << 18  # leaves that tiles may become where several fields are read
 
 _VOXELS_OF_LEAF = np.stack(np.meshgrid(*[np.arange(LEAF)] * 3, indexing="ij"), axis=-1).reshape(VOXELS, 3)
@@ -91,6 +91,7 @@ class VolumeMaker:
     material: str = ""  # path of the bound material
     camera: CameraVisibility = CameraVisibility.SEEN
     placed: list[tuple[Doubles, Field]] = field(default_factory=list)  # matrices of volumes, and the fields that they are of
+    _masks: set[str] = field(default_factory=set)  # fields that say only where something is
     _invalid: int = field(default=0)  # values that were not finite
 
     def media(self) -> Iterator[VolumeMedium]:
@@ -113,12 +114,16 @@ class VolumeMaker:
                 color = self._color(factor)
                 if any(color):
                     found = self.fields[name]
-                    yield VolumeEmission(path=self.path, grid=found.grid, emission=color, matrices=self._placed(found), camera=self.camera)
+                    yield VolumeEmission(
+                        path=self.path, grid=found.grid, emission=color, matrices=self._placed(found), camera=self.camera
+                    )
         elif emission != BLACK:
             domain, mask = self._domain([emission], "emission")
             grid = self._new_grid(domain, 3, "emission", lambda piece: self._values(emission, domain, piece, mask))
             color = self._color(np.ones(3))
-            yield VolumeEmission(path=self.path, grid=grid, emission=color, matrices=self._placed(domain.base), camera=self.camera)
+            yield VolumeEmission(
+                path=self.path, grid=grid, emission=color, matrices=self._placed(domain.base), camera=self.camera
+            )
         self._note_invalid()
 
     def _form(self, operand: Operand) -> LinearForm | None:
@@ -181,7 +186,9 @@ class VolumeMaker:
             self.ctx.warn("material-input", self.path, message)
         inside = min(max(value, -_LARGEST_ANISOTROPY), _LARGEST_ANISOTROPY)
         if inside != value:
-            self.ctx.warn("out-of-range", self.path, f"An anisotropy of {value:g} is outside of -1 to 1: {inside:g} is used.")
+            most = f"{_LARGEST_ANISOTROPY:g}"
+            message = f"An anisotropy of {value:g} is outside of [-{most}, {most}]: {inside:g} is used."
+            self.ctx.warn("out-of-range", self.path, message)
         return inside
 
     def _baked(self, operands: Sequence[Operand], lobes: Sequence[Lobe]) -> Iterator[VolumeMedium]:
@@ -239,19 +246,27 @@ class VolumeMaker:
             name = density_name(self.fields) or next(iter(self.fields))
             message = f"The {what} depends on no field: it applies where the field {name} is not 0."
             self.ctx.warn("material-input", self.path, message)
-            return _domain_of([self.fields[name]]), True
+            self._masks.add(name)
+            return domain_of([self.fields[name]]), True
         first = "density" if "density" in names else names[0]
         read = [self.fields[first], *(self.fields[name] for name in names if name != first)]
         if self.ctx.timing.is_open and not move_together([field.motion for field in read], self.ctx.timing):
             message = f"The fields of which its {what} is made move in different ways: it is what they make at the frame, "
             self.ctx.warn("motion", self.path, message + f"and moves with the field {first}.")
-        return _domain_of(read), False
+        return domain_of(read), False
 
     def absent_fields(self) -> list[str]:
-        """Return the names that extinction is read by and that no field has, in order of use."""
+        """Return the names that the shader reads and no field has, in order of use."""
+        return [name for name in self._names_read(self._operands()) if field_named(self.fields, name) is None]
+
+    def fields_read(self) -> set[str]:
+        """Return the names of the fields on which media and emission depend."""
+        return {*self._fields_read(self._operands()), *self._masks}
+
+    def _operands(self) -> list[Operand]:
         c = self.coefficients
-        names = self._names_read([c.absorption, *(lobe.scattering for lobe in c.lobes)])
-        return [name for name in names if field_named(self.fields, name) is None]
+        lobes = [lobe for lobe in c.lobes if lobe.scattering != BLACK]
+        return [c.absorption, *(o for lobe in lobes for o in (lobe.scattering, lobe.anisotropy)), c.emission]
 
     def _fields_read(self, operands: Sequence[Operand]) -> list[str]:
         """Return the names of the fields that operands depend on, in order of use."""
@@ -348,7 +363,7 @@ def _field_values(field: Field, domain: Domain, piece: Piece) -> Doubles:
     if _is_alike(field, domain):
         own = grid.tile_values if piece.is_tiles else grid.leaf_values[piece.rows]
         return own.reshape(shape).astype(np.float64)
-    if _shares_space(field, domain.base) and not piece.is_tiles:
+    if shares_space(field, domain.base) and not piece.is_tiles:
         return grid.values_at(piece.voxels.astype(np.int64)).reshape(shape).astype(np.float64)
     index_from_base = np.linalg.inv(field.group_from_index) @ domain.base.group_from_index
     points = piece.voxels @ index_from_base[:3, :3].T + index_from_base[:3, 3]
@@ -358,18 +373,18 @@ def _field_values(field: Field, domain: Domain, piece: Piece) -> Doubles:
 def _is_alike(field: Field, domain: Domain) -> bool:
     """Return whether a field has the leaves and tiles of a domain."""
     grid = field.grid
-    return _shares_space(field, domain.base) and (
+    return shares_space(field, domain.base) and (
         np.array_equal(grid.leaf_origins, domain.leaf_origins)
         and np.array_equal(grid.tile_origins, domain.tile_origins)
         and np.array_equal(grid.tile_sizes, domain.tile_sizes)
     )
 
 
-def _shares_space(a: Field, b: Field) -> bool:
+def shares_space(a: Field, b: Field) -> bool:
     return a is b or bool(np.allclose(a.group_from_index, b.group_from_index, rtol=1e-9, atol=0.0))
 
 
-def _domain_of(fields: Sequence[Field]) -> Domain:
+def domain_of(fields: Sequence[Field]) -> Domain:
     """Return the leaves and tiles of the first field, with those of others on its index space.
 
     Where other fields may vary within a tile, tiles become leaves.
@@ -379,7 +394,7 @@ def _domain_of(fields: Sequence[Field]) -> Domain:
     plain = Domain(base, grid.leaf_origins, grid.tile_origins, grid.tile_sizes)
     if all(_is_alike(field, plain) for field in fields):
         return plain
-    together = [field.grid for field in fields if _shares_space(field, base)]
+    together = [field.grid for field in fields if shares_space(field, base)]
     origins = [own.leaf_origins for own in together]
     for own in together:
         sizes = own.tile_sizes.astype(np.int64)

@@ -60,6 +60,8 @@ class Arithmetic:
         return value * 3 if isinstance(value, tuple) else self.e.apply("ND_convert_float_color3", **{"in": value})
 
     def product(self, a: Operand, b: Operand) -> Operand:
+        if any(isinstance(value, tuple) and not any(value) for value in (a, b)):
+            return BLACK  # whatever fields the other reads
         return self.e.apply("ND_multiply_color3", in1=self.color(a), in2=self.color(b))
 
     def sum(self, a: Operand, b: Operand) -> Operand:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +22,8 @@ from .motion import FieldMotion, TransformPath, namespace_path
 _PREFIX = "field:"
 # Names of fields of velocities, first those that are preferred: Houdini and Arnold write vel or v, Blender velocity.
 VELOCITY_NAMES = ("velocity", "vel", "v")
+# Names of their components, where each is a grid of its own: vel.x (Houdini, FumeFX), vel_x, velocityX.
+_COMPONENT = re.compile(rf"({'|'.join(VELOCITY_NAMES)})[._:]?([xyz])", re.IGNORECASE)
 # What other programs have in names of files for the number of a frame.
 _FRAME_MARKS = ("#", "$F", "<F", "%0", "<frame")
 # Types of values by fieldDataType, as OpenVDB calls them.
@@ -38,6 +41,9 @@ _TYPES = {
 }
 
 
+FieldChange = tuple[str, str]  # a sentence, and the attribute that it concerns ("": none)
+
+
 @dataclass(frozen=True, eq=False)
 class Field:
     """A field of a volume that could be read."""
@@ -49,6 +55,7 @@ class Field:
     group_from_index: Doubles  # (4, 4), to the space of the group that the Volume is in, at the frame
     motion: FieldMotion | None = None  # None: it moves only with its group
     instant: float = 0.0  # offset from the frame at which matrices hold
+    changes: tuple[FieldChange, ...] = ()  # what is not rendered as the file has it, to be reported if the field is read
 
     def placed(self, instances: Doubles) -> Doubles:
         """Return world_from_index (N, 4, 4) at the frame for instances world_from_group (N, 4, 4) of the Volume."""
@@ -58,8 +65,13 @@ class Field:
 
     @property
     def is_velocity(self) -> bool:
-        """Whether it is named as velocities are, which may be negative, and has vectors."""
-        return self.grid.width == 3 and (self.name in VELOCITY_NAMES or self.grid_name in VELOCITY_NAMES)
+        """Whether it is named as velocities or one of their components are, which may be negative, and has such values."""
+        return self.grid.width == _signed_width(self.name, self.grid_name)
+
+    @property
+    def component(self) -> tuple[str, int] | None:
+        """The velocities of which it is a component, and the axis; None where it is none."""
+        return component_of(self.name) or component_of(self.grid_name) if self.grid.width == 1 else None
 
     @cached_property
     def largest(self) -> float:
@@ -74,10 +86,23 @@ def field_named(fields: Mapping[str, Field], name: str) -> Field | None:
     return found if found is not None else next((field for field in fields.values() if field.grid_name == name), None)
 
 
+def component_of(name: str) -> tuple[str, int] | None:
+    """Return the name of velocities and the axis of their component that `name` is; None where it is none."""
+    found = _COMPONENT.fullmatch(name)
+    return None if found is None else (found[1].lower(), "xyz".index(found[2].lower()))
+
+
+def _signed_width(*names: str | None) -> int:
+    """Return how many numbers the values of a field with these names have if they are velocities; 0: they are none."""
+    if any(name in VELOCITY_NAMES for name in names):
+        return 3
+    return 1 if any(component_of(name) for name in names if name) else 0
+
+
 def fields_of(
     volume: ResolvedPrim, group_from_volume: Doubles, instances: Doubles, is_in_world: bool, instant: float, ctx: Context
-) -> dict[str, Field]:
-    """Return the fields of a Volume by name; those that cannot be read are reported.
+) -> tuple[dict[str, Field], frozenset[str]]:
+    """Return the fields of a Volume by name, and the names of those that cannot be read, which are reported.
 
     `instances`: world_from_group (N, 4, 4). `is_in_world`: `group_from_volume` is its matrix in the world. `instant`: the
     offset from the frame, in time codes, at which matrices hold.
@@ -92,12 +117,17 @@ def fields_of(
         ctx=ctx,
     )
     found: dict[str, Field] = {}
+    missing: set[str] = set()
     for name, prim in _field_prims(volume, ctx):
+        missing.add(name)
+        if not prim:
+            continue
         path = ctx.shown(str(prim.GetPath()))
         made = _field(name, prim, path, ctx)
         if made is None:
+            missing.add(str(read(prim, "fieldName", ctx.when) or ""))
             continue
-        grid_name, grid = made
+        grid_name, grid, changes = made
         placed = _field_place(where, prim)
         if placed is None or not np.isfinite(placed[0]).all():
             ctx.warn("invalid-transform", path, "Its transform, or that of its Volume, is not usable: the field is ignored.")
@@ -111,25 +141,28 @@ def fields_of(
             group_from_index=group_from_field @ grid.field_from_index,
             motion=None if motion is None else motion.within(grid.field_from_index),
             instant=instant,
+            changes=changes,
         )
-    return found
+        missing.discard(name)
+    return found, frozenset(missing)
 
 
-def _field_prims(volume: ResolvedPrim, ctx: Context) -> Iterator[tuple[str, Usd.Prim]]:
+def _field_prims(volume: ResolvedPrim, ctx: Context) -> Iterator[tuple[str, Usd.Prim | None]]:
+    """Yield the names of fields with their prims; None, reported, where there is none."""
     for name in sorted(name for name in volume.names if name.startswith(_PREFIX)):
         paths = targets(volume.prim, name)
         if len(paths) > 1:
             ctx.warn("volume-field", volume.path, f"{name} has {len(paths)} targets: only the first is used.", name)
         prim = ctx.stage.GetPrimAtPath(paths[0].GetPrimPath()) if paths else None
-        if prim:
-            yield name.removeprefix(_PREFIX), prim
-        else:
+        yield name.removeprefix(_PREFIX), prim
+        if not prim:
             what = f"{ctx.shown(str(paths[0]))} does not exist" if paths else "It has no target"
             ctx.warn("volume-field", volume.path, f"{what}: the field is missing.", name)
 
 
-def _field(name: str, prim: Usd.Prim, path: str, ctx: Context) -> tuple[str, VolumeGrid] | None:
-    """Return the grid of a field prim with its name in the file; None, reported, where it cannot be read."""
+def _field(name: str, prim: Usd.Prim, path: str, ctx: Context) -> tuple[str, VolumeGrid, tuple[FieldChange, ...]] | None:
+    """Return the grid of a field prim with its name in the file, and what is not rendered as it is there; None, reported,
+    where it cannot be read."""
     kind = type_name(prim)
     if kind != "OpenVDBAsset":
         what = f"a {kind}" if kind else "a prim without a type"
@@ -153,17 +186,16 @@ def _field(name: str, prim: Usd.Prim, path: str, ctx: Context) -> tuple[str, Vol
             grid_name,
             index,
             ctx.settings.max_memory_bytes,
-            is_velocity=name in VELOCITY_NAMES or grid_name in VELOCITY_NAMES,
+            signed_width=_signed_width(name, grid_name),
         )
     except UnreadableGridError as error:
         reason = error.reason.removeprefix("the file: ")
         end = "" if reason.endswith("?") else "."
         ctx.warn(error.code, path, f"{asset.path} cannot be read: {reason}{end} The field is missing.", "filePath")
         return None
-    for sentence in found.changes:
-        ctx.warn("volume-values", path, sentence)
-    _check_type(prim, names, path, found.value_type, grid.grid_class != LEVEL_SET, ctx)
-    return grid.name, grid
+    changes: list[FieldChange] = [(sentence, "") for sentence in found.changes]
+    changes += _other_types(prim, names, found.value_type, grid.grid_class != LEVEL_SET, ctx)
+    return grid.name, grid, tuple(changes)
 
 
 def _grid_name(prim: Usd.Prim, names: frozenset[str], name: str, ctx: Context) -> tuple[str | None, int]:
@@ -181,15 +213,15 @@ def _grid_name(prim: Usd.Prim, names: frozenset[str], name: str, ctx: Context) -
     return given, index
 
 
-def _check_type(prim: Usd.Prim, names: frozenset[str], path: str, has: str, is_fog: bool, ctx: Context) -> None:
+def _other_types(prim: Usd.Prim, names: frozenset[str], has: str, is_fog: bool, ctx: Context) -> Iterator[FieldChange]:
+    """Yield where the file's grid is not what the field prim says."""
     said = read(prim, "fieldDataType", ctx.when) if "fieldDataType" in names else None
     if isinstance(said, str) and said and has not in _TYPES.get(said, (has,)):
         message = f"fieldDataType is {said}, but the file's grid has values of the type {has}, which are read."
-        ctx.warn("volume-values", path, message, "fieldDataType")
+        yield message, "fieldDataType"
     said = read(prim, "fieldClass", ctx.when) if "fieldClass" in names else None
     if said == "levelSet" and is_fog:
-        message = "fieldClass is levelSet, but the file's grid is none: its values are read as they are."
-        ctx.warn("volume-values", path, message, "fieldClass")
+        yield "fieldClass is levelSet, but the file's grid is none: its values are read as they are.", "fieldClass"
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,18 +49,18 @@ _FOUND: WeakKeyDictionary[VolumeGrid, FileGrid] = WeakKeyDictionary()
 
 
 def grid_of_file(
-    path: str, name: str | None, index: int, limit: int | None, *, is_velocity: bool = False
+    path: str, name: str | None, index: int, limit: int | None, *, signed_width: int = 0
 ) -> tuple[VolumeGrid, FileGrid]:
     """Return a grid of a file, the only one if `name` is None, and what was found in it.
 
-    `limit`: the most bytes that it may have. `is_velocity`: its vectors keep their signs.
+    `limit`: the most bytes that it may have. `signed_width`: values of so many numbers keep their signs (velocities).
 
     `path` is resolved: a file, or a member of a package. Raises UnreadableGridError.
     """
-    key = (*_state_of(path), name, index, limit, is_velocity)
+    key = (*_state_of(path), name, index, limit, signed_width)
     grid = _READ.get(key)
     if grid is None:
-        grid, found = _read(path, name, index, machine_bytes() // 2 if limit is None else limit, is_velocity)
+        grid, found = _read(path, name, index, machine_bytes() // 2 if limit is None else limit, signed_width)
         _READ[key], _FOUND[grid] = grid, found
     return grid, _FOUND[grid]
 
@@ -75,7 +75,7 @@ def _state_of(path: str) -> tuple[object, ...]:
     return path, found.st_mtime_ns, found.st_size, found.st_ino
 
 
-def _read(path: str, name: str | None, index: int, limit: int, is_velocity: bool) -> tuple[VolumeGrid, FileGrid]:
+def _read(path: str, name: str | None, index: int, limit: int, signed_width: int) -> tuple[VolumeGrid, FileGrid]:
     try:
         data = read_asset(path)
     except AssetError as error:
@@ -84,7 +84,7 @@ def _read(path: str, name: str | None, index: int, limit: int, is_velocity: bool
         grids = list_grids(data)
         info = _only(grids) if name is None else find_grid(grids, name, index)
         _check_size(info, len(data), limit)
-        return _usable(read_grid(data, grids, info), info, is_velocity)
+        return _usable(read_grid(data, grids, info), info, signed_width)
     except VdbError as error:
         raise UnreadableGridError("volume-field", f"{error}") from None
 
@@ -107,12 +107,12 @@ def _check_size(info: GridInfo, file_bytes: int, limit: int) -> None:
         raise UnreadableGridError(TOO_LARGE, reason + f"{limit / 1e6:,.0f} MB are allowed")
 
 
-def _usable(grid: VolumeGrid, info: GridInfo, is_velocity: bool) -> tuple[VolumeGrid, FileGrid]:
-    """Return the grid with 0 for values that are not finite, for its background and, unless it is one of velocities, for values
+def _usable(grid: VolumeGrid, info: GridInfo, signed_width: int) -> tuple[VolumeGrid, FileGrid]:
+    """Return the grid with 0 for values that are not finite, for its background and, unless it has velocities, for values
     that are negative."""
     changes: list[str] = []
     lowest = 0.0
-    if is_velocity and grid.width == 3:
+    if grid.width == signed_width:
         grid, lowest = replace(grid, negative=0), -math.inf
     if grid.grid_class == LEVEL_SET:
         changes.append(

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ...description import HomogeneousVolume, Operand, volume_boundary
 from ..materials.authored import AuthoredPrim
 from ..materials.network import Network, Node
@@ -18,7 +20,7 @@ from .coefficients import Coefficients
 from .shaders import first_coefficients, volume_shaders
 
 Color = tuple[float, float, float]
-MOST_ANISOTROPY = 0.98  # beyond, the phase function is a peak that nothing resolves
+MOST_ANISOTROPY = float(np.float32(0.98))  # beyond, the phase function is a peak that nothing resolves
 
 
 class _NotConstantError(Exception):
@@ -59,32 +61,57 @@ def _constant_volume(network: Network, material: AuthoredPrim, path: str, ctx: C
     made = first_coefficients(network, material, None, ctx)
     if made is None:
         return None
+    droplets = droplets_of((material.prim,), ctx)
     try:
-        found = _homogeneous(made)
+        found = _homogeneous(made, droplets > 0, path, ctx)
     except _NotConstantError:
         message = "The volume varies over space, which only the fields of a Volume prim can: the shape is not filled."
         ctx.warn("shader-ignored", path, message, _first_output(network, material))
         return None
-    droplets = droplets_of((material.prim,), ctx)
+    ctx.warn("volume-convention", path, made.convention)
     if droplets > 0 and found.anisotropy != 0:
         message = f"The anisotropy of its volume shader has no effect: {DIAMETER} gives the phase function."
         ctx.warn("material-input", path, message, DIAMETER)
     return replace(found, droplets=droplets)
 
 
-def _homogeneous(made: Coefficients) -> HomogeneousVolume:
+def _homogeneous(made: Coefficients, has_droplets: bool, path: str, ctx: Context) -> HomogeneousVolume:
     scale = made.per_scene_unit
-    scattered = [_color(lobe.scattering, scale) for lobe in made.lobes]
-    weights = [sum(color) for color in scattered]
-    # One phase function has the mean cosine of all.
-    mean = sum(w * _number(lobe.anisotropy) for w, lobe in zip(weights, made.lobes, strict=True)) / (sum(weights) or 1.0)
+    absorbed, emitted = _color(made.absorption), _color(made.emission)
+    scattered = [_color(lobe.scattering) for lobe in made.lobes]
+    for name, color in (("absorption", absorbed), ("emission", emitted), *(("scattering", color) for color in scattered)):
+        if min(color) < 0:
+            ctx.warn("out-of-range", path, f"The volume's {name} is below 0: 0 is used.")
+    scattered = [_scaled(color, scale) for color in scattered]
     scattering = _sum(scattered)
+    anisotropy = _mean_anisotropy(made, [sum(color) for color in scattered])
+    if not has_droplets:  # which have a phase function of their own
+        anisotropy = _usable_anisotropy(anisotropy, made, path, ctx)
     return HomogeneousVolume(
-        extinction=_sum([_color(made.absorption, scale), scattering]),
+        extinction=_sum([_scaled(absorbed, scale), scattering]),
         scattering=scattering,
-        emission=_color(made.emission, scale),
-        anisotropy=min(max(mean, -MOST_ANISOTROPY), MOST_ANISOTROPY),
+        emission=_scaled(emitted, scale),
+        anisotropy=anisotropy,
     )
+
+
+def _mean_anisotropy(made: Coefficients, weights: list[float]) -> float:
+    """Return the mean cosine of the phase functions, weighted by what they scatter: one stands for all."""
+    values = [_number(lobe.anisotropy) for lobe in made.lobes]
+    return sum(w * g for w, g in zip(weights, values, strict=True)) / (sum(weights) or 1.0)
+
+
+def _usable_anisotropy(mean: float, made: Coefficients, path: str, ctx: Context) -> float:
+    """Return the anisotropy within its range; what is approximated is reported."""
+    values = {_number(lobe.anisotropy) for lobe in made.lobes if any(_color(lobe.scattering))}
+    if len(values) > 1:
+        message = f"The volume scatters by {len(values)} phase functions: one with their mean anisotropy, {mean:.3g}, is used."
+        ctx.warn("material-input", path, message)
+    inside = min(max(mean, -MOST_ANISOTROPY), MOST_ANISOTROPY)
+    if inside != mean:
+        most = f"{MOST_ANISOTROPY:g}"
+        ctx.warn("out-of-range", path, f"An anisotropy of {mean:g} is outside of [-{most}, {most}] and is clamped.")
+    return inside
 
 
 def _number(value: Operand) -> float:
@@ -93,11 +120,16 @@ def _number(value: Operand) -> float:
     return value[0]
 
 
-def _color(value: Operand, scale: float) -> Color:
+def _color(value: Operand) -> Color:
     if not isinstance(value, tuple):
         raise _NotConstantError
     r, g, b = value if len(value) == 3 else value[:1] * 3
-    return max(r, 0.0) * scale, max(g, 0.0) * scale, max(b, 0.0) * scale
+    return r, g, b
+
+
+def _scaled(color: Color, scale: float) -> Color:
+    r, g, b = (max(c, 0.0) * scale for c in color)
+    return r, g, b
 
 
 def _sum(colors: list[Color]) -> Color:

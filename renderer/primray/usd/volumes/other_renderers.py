@@ -50,10 +50,11 @@ def other_coefficients(source: Node, fields: dict[str, Field] | None, ctx: Conte
     else:
         return None
     left = sorted(n.left_out())
-    message = f"{n.values.vocabulary.renderer}'s {n.kind or source.id} is translated by its documentation."
-    for what, names in (("Approximated", sorted(n.near)), ("Not read", left)):
-        message += f" {what}: {', '.join(names)}." if names else ""
-    source.warn("translated", message)
+    if left or n.near:  # else its convention, which is reported, is all that there is to say
+        message = f"{n.values.vocabulary.renderer}'s {n.kind or source.id} is translated by its documentation."
+        for what, names in (("Approximated", sorted(n.near)), ("Not read", left)):
+            message += f" {what}: {', '.join(names)}." if names else ""
+        source.warn("translated", message)
     return made
 
 
@@ -101,16 +102,18 @@ def _standard_volume(n: RendererInputs, a: Arithmetic, fields: dict[str, Field] 
         n.number("scatter_secondary_anisotropy"),
         n.number("scatter_secondary_anisotropy_mix"),
     )
+    emission, note = _emission(n, a, density, fields)
     return Coefficients(
         expressions=n.e,
-        convention="Arnold's standard_volume is used: extinction is per scene unit.",
+        convention=f"Arnold's standard_volume is used: extinction is per scene unit.{note}",
         absorption=a.product(extinction, a.complement(albedo)),
         lobes=lobes,
-        emission=_emission(n, a, density, fields),
+        emission=emission,
     )
 
 
-def _emission(n: RendererInputs, a: Arithmetic, density: Operand, fields: dict[str, Field] | None) -> Operand:
+def _emission(n: RendererInputs, a: Arithmetic, density: Operand, fields: dict[str, Field] | None) -> tuple[Operand, str]:
+    """Return the emission, and a sentence where an authored one is none, for lack of temperatures."""
     mode = n.choice("emission_mode", _EMISSION_MODES, "blackbody")
     channel, heat = n.text("emission_channel", "heat"), n.text("temperature_channel", "temperature")
     scale, kelvin, intensity = (
@@ -120,12 +123,15 @@ def _emission(n: RendererInputs, a: Arithmetic, density: Operand, fields: dict[s
     )
     weight = a.product(n.number("emission", 1.0), n.color("emission_color", 1.0))
     if mode == "channel":
-        return a.product(weight, _channel(a, channel, fields, ONE))
+        return a.product(weight, _channel(a, channel, fields, ONE)), ""
     if mode == "density":
-        return a.product(weight, density)
+        return a.product(weight, density), ""
+    if mode != "blackbody":
+        return BLACK, ""
     found = None if fields is None else field_named(fields, heat)
-    if mode != "blackbody" or found is None or found.grid.width != 1:
-        return BLACK
+    if found is None or found.grid.width != 1:
+        is_asked = not {"emission_mode", "temperature_channel"}.isdisjoint(n.node.shader.inputs)
+        return BLACK, f" It emits nothing, as no field is its temperature_channel, {heat}." if is_asked else ""
     n.near |= {"blackbody_intensity", "blackbody_kelvin"}
     e = n.e
     temperature = e.apply("ND_multiply_float", in1=a.field(heat), in2=scale)
@@ -135,7 +141,7 @@ def _emission(n: RendererInputs, a: Arithmetic, density: Operand, fields: dict[s
     radiance = e.apply("ND_mix_float", fg=power, bg=ONE, mix=intensity)
     shown = e.apply("ND_ifgreater_float", value1=temperature, value2=(0.0,), in1=radiance, in2=(0.0,))
     color = e.apply("ND_blackbody", temperature=temperature)
-    return a.product(weight, a.product(shown, color))
+    return a.product(weight, a.product(shown, color)), ""
 
 
 def _pxr_volume(n: RendererInputs, a: Arithmetic) -> Coefficients:

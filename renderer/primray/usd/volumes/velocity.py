@@ -9,7 +9,7 @@ where it arrives.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,9 @@ from ..scene.inheritance import ResolvedPrim
 from ..scene.schemas import VELOCITY_SCALES
 from ..stage.metadata import time_codes_per_second
 from ..stage.values import read
+from .baking import TooLargeError, domain_of, shares_space
 from .fields import VELOCITY_NAMES, Field, field_named
+from .motion import move_together
 
 _ROWS = 1 << 10  # leaves at a time
 _MARGIN = 1  # voxels around a leaf that interpolation reaches
@@ -44,6 +46,7 @@ class Velocities:
     """The velocities of a Volume, and the exposure over which they blur it."""
 
     field: Field
+    names: tuple[str, ...]  # of the Volume's fields that it is, or whose components it has
     scale: float  # of the velocities
     span: tuple[float, float]  # time codes from the frame
     per_second: float  # time codes
@@ -145,20 +148,67 @@ def velocities_of(volume: ResolvedPrim, fields: dict[str, Field], ctx: Context) 
     """Return the velocities that blur a Volume; None where there are none, or no time passes."""
     if not ctx.timing.is_open:
         return None
-    found = next((field for name in VELOCITY_NAMES if (field := field_named(fields, name)) is not None), None)
     scale = volume.inherited.blur_scale
     for name in VELOCITY_SCALES:
         if name in volume.names and isinstance(factor := read(volume.prim, name, ctx.when), int | float):
             scale *= float(factor)
             break
-    if found is None or scale == 0.0 or not np.isfinite(scale):
+    if scale == 0.0 or not np.isfinite(scale):
+        return None
+    limit = ctx.settings.max_memory_bytes or machine_bytes() // 8
+    found = next((field for name in VELOCITY_NAMES if (field := field_named(fields, name)) is not None), None)
+    names: tuple[str, ...] = () if found is None else (found.name,)
+    if found is None:
+        found, names = _of_components(volume, fields, limit, ctx)
+    if found is None:
         return None
     if found.grid.width != 3:
         message = f"The field {found.name} has one number a voxel: velocities have three, and the volume is not blurred by it."
         ctx.warn("motion", volume.path, message)
         return None
-    limit = ctx.settings.max_memory_bytes or machine_bytes() // 8
-    return Velocities(found, scale, ctx.timing.span, time_codes_per_second(ctx.stage), limit)
+    return Velocities(found, names, scale, ctx.timing.span, time_codes_per_second(ctx.stage), limit)
+
+
+def _of_components(
+    volume: ResolvedPrim, fields: dict[str, Field], limit: int, ctx: Context
+) -> tuple[Field | None, tuple[str, ...]]:
+    """Return the velocities whose components are three fields of one number a voxel, and their names; None where there are
+    none. Components that cannot be joined are reported."""
+    found: dict[str, dict[int, Field]] = {}
+    for field in fields.values():
+        if (component := field.component) is not None:
+            found.setdefault(component[0], {}).setdefault(component[1], field)
+    name = max(found, key=lambda name: (len(found[name]), -VELOCITY_NAMES.index(name)), default="")
+    parts = [found[name][axis] for axis in sorted(found[name])] if name else []
+    if not parts:
+        return None, ()
+    names = tuple(part.name for part in parts)
+    try:
+        return _joined(parts, limit, ctx), names
+    except (UnlikePartsError, TooLargeError) as error:
+        listed = f"The field {names[0]} is" if len(names) == 1 else f"The fields {', '.join(names)} are"
+        ctx.warn("motion", volume.path, f"{listed} not read as velocities, which do not blur the volume: {error}.")
+        return None, ()
+
+
+class UnlikePartsError(Exception):
+    """Components of velocities that cannot be joined; the message says why."""
+
+
+def _joined(parts: Sequence[Field], limit: int, ctx: Context) -> Field:
+    """Return the field of vectors whose components are three fields. Raise UnlikePartsError, TooLargeError."""
+    if len(parts) != 3:
+        raise UnlikePartsError(f"there {'is' if len(parts) == 1 else 'are'} {len(parts)} of three components")
+    first = parts[0]
+    together = move_together([part.motion for part in parts], ctx.timing)
+    if not together or not all(shares_space(first, part) for part in parts):
+        raise UnlikePartsError("the components differ in their transforms")
+    domain = domain_of(parts)
+    if (size := domain.count * 3 * 4) > limit:
+        raise TooLargeError(f"they need {size / 1e6:,.0f} MB, and {limit / 1e6:,.0f} MB are allowed")
+    leaves = np.stack([part.grid.values_of_leaves(domain.leaf_origins) for part in parts], axis=-1)
+    tiles = np.stack([part.grid.values_at(domain.tile_origins) for part in parts], axis=-1)
+    return replace(first, grid=domain.grid("velocity", leaves, tiles))
 
 
 def _grid_of(leaves: Ints, values: npt.NDArray[np.float32], like: VolumeGrid) -> VolumeGrid:

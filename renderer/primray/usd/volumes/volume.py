@@ -19,7 +19,7 @@ from ..scene.inheritance import ResolvedPrim
 from ..scene.translated_scene import TranslatedScene
 from .baking import TooLargeError, VolumeMaker
 from .coefficients import UnusableShaderError, with_droplets
-from .fields import fields_of
+from .fields import Field, fields_of
 from .files import TOO_LARGE
 from .motion import VolumePath, VolumePlace
 from .shaders import coefficients_of, storm_fallback
@@ -37,9 +37,10 @@ def add_volume(
     blur_scale = leaf.inherited.blur_scale
     instant = 0.0 if ctx.timing.is_open else ctx.timing.opens * blur_scale
     placed, usable = _placements(leaf, chains, ctx)
-    fields = fields_of(leaf, group_from_prim, placed, is_in_world, instant, ctx)
+    fields, missing = fields_of(leaf, group_from_prim, placed, is_in_world, instant, ctx)
     if not fields:
-        ctx.warn("volume-field", leaf.path, "It has no field that can be read: it is not rendered.")
+        if not missing:
+            ctx.warn("volume-field", leaf.path, "It names no field (field:NAME): it is not rendered.")
         return
     droplets = droplets_of((leaf.prim, leaf.material), ctx)
     coefficients = with_droplets(coefficients_of(leaf.material, fields, leaf.path, ctx), droplets)
@@ -63,17 +64,39 @@ def add_volume(
     except TooLargeError as error:
         ctx.warn(TOO_LARGE, leaf.path, f"It is not rendered: {error}.")
         return
-    if not media and not emissions and (absent := maker.absent_fields()):
-        read, has = (", ".join(names) for names in (absent, fields))
-        message = f"Its shader reads the field {read}, which is none of its own ({has}): nothing of it is seen."
-        ctx.warn("volume-field", leaf.path, message)
+    _report_absent_fields([name for name in maker.absent_fields() if name not in missing], bool(media or emissions), maker)
     velocities = velocities_of(leaf, fields, ctx)
+    _report_fields({*maker.fields_read(), *(() if velocities is None else velocities.names)}, fields, ctx)
     blurred = "" if velocities is None else _blur(media, emissions, maker, velocities)
     ctx.warn("volume-convention", leaf.path, maker.coefficients.convention + blurred)
     if ctx.timing.is_open:
         _add_paths(scene, media, emissions, maker, VolumePlace(leaf.path, chains, usable, blur_scale))
     scene.media += media
     scene.volume_emissions += as_light(emissions, leaf, ctx)
+
+
+def _report_absent_fields(absent: list[str], is_seen: bool, maker: VolumeMaker) -> None:
+    """Report names of fields that the shader reads and the volume does not have; an error where nothing is seen for it."""
+    if not absent:
+        return
+    names, has = ", ".join(absent), ", ".join(maker.fields)
+    which, is_none = ("the field", "is none") if len(absent) == 1 else ("the fields", "are none")
+    message = f"Its shader reads {which} {names}, which {is_none} of its own ({has}): "
+    if is_seen:
+        maker.ctx.warn("material-input", maker.path, f"{message}the shader's default is used.")
+    else:
+        maker.ctx.warn("volume-field", maker.path, f"{message}nothing of it is seen.")
+
+
+def _report_fields(read: set[str], fields: dict[str, Field], ctx: Context) -> None:
+    """Report fields that are read and are not rendered as their files have them, or have nothing in them."""
+    for field in fields.values():
+        if field.name not in read:
+            continue
+        for message, attribute in field.changes:
+            ctx.warn("volume-values", field.path, message, attribute)
+        if field.grid.support is None and not field.changes:
+            ctx.warn("volume-empty", field.path, f"The grid {field.grid_name!r} is 0 everywhere.", "filePath")
 
 
 def _blur(media: list[VolumeMedium], emissions: list[VolumeEmission], maker: VolumeMaker, velocities: Velocities) -> str:
@@ -92,8 +115,10 @@ def _blur(media: list[VolumeMedium], emissions: list[VolumeEmission], maker: Vol
         return ""
     media[:] = [replace(medium, blur=blurs[fields[id(medium.matrices)].name]) for medium in media]
     emissions[:] = [replace(glow, blur=blurs[fields[id(glow.matrices)].name]) for glow in emissions]
-    name = velocities.field.name
-    return f" While the shutter is open it is blurred by the velocities of the field {name}, in the field's units per second."
+    *others, last = velocities.names
+    name = f"{', '.join(others)} and {last}" if others else last
+    which = "fields" if others else "field"
+    return f" While the shutter is open it is blurred by the velocities of the {which} {name}, in its units per second."
 
 
 def _add_paths(

@@ -11,7 +11,7 @@ from primray import RenderSettings
 from primray.description import HomogeneousVolume, SceneDescription, Surface
 from primray.usd.translate import translate
 
-UNASKED = ("default-light", "camera-chosen", "near-plane", "translated")
+UNASKED = ("default-light", "camera-chosen", "near-plane", "volume-convention")
 HEADER = '#usda 1.0\n( metersPerUnit = {metres}\n upAxis = "Y" )\ndef Camera "eye" {{\n}}\n'
 BALL = 'def Sphere "ball" (prepend apiSchemas = ["MaterialBindingAPI"]) {\n rel material:binding = </m>\n}\n'
 OPEN = """def Mesh "open" (prepend apiSchemas = ["MaterialBindingAPI"]) {
@@ -159,3 +159,45 @@ def test_an_interface_that_transmits_shows_it() -> None:
 )
 def test_what_is_not_known_is_reported(text: str) -> None:
     assert "shader-ignored" in translated(text + BALL)[1]
+
+
+@pytest.mark.parametrize(
+    ("vdf", "codes"),
+    [
+        (["float3 inputs:scattering = (1, 1, 1)", "float inputs:anisotropy = 0.99"], ["out-of-range"]),
+        (["float3 inputs:scattering = (1, 1, 1)", "float inputs:anisotropy = 0.98"], []),
+        (["float3 inputs:scattering = (1, -1, 1)"], ["out-of-range"]),
+    ],
+)
+def test_values_out_of_range_are_reported(vdf: list[str], codes: list[str]) -> None:
+    surface, found = surface_of(material(node("v", "ND_volume", wire("vdf", "b")), node("b", "ND_anisotropic_vdf", *vdf)))
+    assert found == codes
+    assert surface.volume is not None
+    assert surface.volume.anisotropy < 0.9801
+    assert min(surface.volume.scattering) >= 0
+
+
+def test_several_phase_functions_are_reported() -> None:
+    """One with their mean stands for them; where both are the same nothing is approximated."""
+
+    def two(second: float) -> tuple[Surface, list[str]]:
+        parts = [
+            node(name, "ND_anisotropic_vdf", "float3 inputs:scattering = (1, 1, 1)", f"float inputs:anisotropy = {g}")
+            for name, g in (("b", 0.5), ("c", second))
+        ]
+        both = node("s", "ND_add_vdf", wire("in1", "b"), wire("in2", "c"))
+        return surface_of(material(node("v", "ND_volume", wire("vdf", "s")), both, *parts))
+
+    surface, codes = two(0.0)
+    assert codes == ["material-input"]
+    assert surface.volume is not None
+    assert surface.volume.anisotropy == 0.25
+    assert two(0.5)[1] == []
+
+
+def test_its_convention_is_reported() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    text = material(node("v", "arnold:standard_volume", "float inputs:density = 2"), output="arnold:volume")
+    assert stage.GetRootLayer().ImportFromString(HEADER.format(metres=1.0) + text + BALL)
+    said = [d.message for d in translate(stage, RenderSettings())[1] if d.code == "volume-convention"]
+    assert said == ["Arnold's standard_volume is used: extinction is per scene unit."]

@@ -168,8 +168,8 @@ def test_arnolds_standard_volume(tmp_path: Path) -> None:
     assert medium.anisotropy == pytest.approx(0.3)
     assert emission.emission == (6, 6, 6)
     assert emission.grid is medium.grid
-    assert told == ["translated", "volume-convention"]
-    assert "per scene unit" in messages[1]
+    assert told == ["volume-convention"]  # nothing is approximated
+    assert "per scene unit" in messages[0]
 
 
 def test_arnolds_black_bodies(tmp_path: Path) -> None:
@@ -271,3 +271,47 @@ def test_an_anisotropy_that_varies(tmp_path: Path) -> None:
     description, told, _ = render(tmp_path, look(DENSITY + vdf + VOLUME))
     assert description.media[0].anisotropy == pytest.approx(0.5, abs=0.01)
     assert told.count("material-input") == 2
+
+
+@pytest.mark.parametrize(
+    ("inputs", "codes", "says"),
+    [
+        ('string inputs:emission_mode = "none"', ["volume-convention"], ""),
+        ('string inputs:emission_mode = "none"\nfloat inputs:displacement = 1', ["volume-convention"], ""),
+        (
+            'string inputs:emission_mode = "none"\nfloat inputs:blackbody_contrast = 2',
+            ["translated", "volume-convention"],
+            "Not read: blackbody_contrast",
+        ),
+        ("float inputs:blackbody_intensity = 0.5", ["translated", "volume-convention"], "Approximated: blackbody_intensity"),
+        (
+            'string inputs:emission_mode = "channel"\nstring inputs:emission_channel = "heat"',
+            ["material-input", "volume-convention"],
+            "reads the field heat, which is none of its own (color, density, temperature): the shader's default is used",
+        ),
+        (
+            'string inputs:emission_mode = "channel"\nstring inputs:emission_channel = "heat"\nfloat inputs:emission = 0',
+            ["volume-convention"],
+            "",
+        ),
+        (
+            'string inputs:emission_mode = "blackbody"\nstring inputs:temperature_channel = "heat"',
+            ["volume-convention"],
+            "It emits nothing, as no field is its temperature_channel, heat",
+        ),
+        ('string inputs:temperature_channel = ""', ["volume-convention"], "no field is its temperature_channel"),
+    ],
+)
+def test_what_is_reported_of_arnolds_volume(tmp_path: Path, inputs: str, codes: list[str], says: str) -> None:
+    """Exact translations are none of the reports by which `--strict` refuses; what is approximated or absent is named."""
+    volume = node("volume", "arnold:standard_volume", inputs)
+    _, told, messages = render(tmp_path, look(volume, "arnold:volume"))
+    assert told == codes
+    assert says in " ".join(messages)
+
+
+def test_inputs_that_karmas_volume_does_not_have(tmp_path: Path) -> None:
+    volume = node("volume", "kma_volume", "color3f inputs:scattering = (1, 1, 1)\nfloat inputs:shadowscale = 2")
+    _, told, messages = render(tmp_path, look(volume, "kma:volume"))
+    assert "material-input" in told
+    assert any("shadowscale of kma_volume has no effect" in message for message in messages)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests import vdb_writer as vdb
-from tests.unit.usd.volumes.volume_text import ACTIVE, VOXELS, grid, translated, volume_text, write
+from tests.unit.usd.volumes.volume_text import ACTIVE, VOXELS, field_text, grid, translated, volume_text, write
 
 from primray.settings import RenderSettings
 
@@ -121,3 +121,55 @@ def test_inactive_velocities_are_extended(tmp_path: Path) -> None:
     write(tmp_path, density, moves)
     blur, _, _ = blurred(tmp_path, {"density": "", "vel": ""})
     np.testing.assert_allclose(blur.velocity.leaf_values[..., 0], 10, rtol=1e-6)
+
+
+@pytest.mark.parametrize("names", [("vel.x", "vel.y", "vel.z"), ("v_x", "v_y", "v_z"), ("velocityX", "velocityY", "velocityZ")])
+def test_three_fields_of_components_are_velocities(tmp_path: Path, names: tuple[str, str, str]) -> None:
+    """The blur is that of one field of vectors, with the signs of the components."""
+    rng = np.random.default_rng(3)
+    wind = rng.uniform(-30, 30, (512, 3))
+    parts = [grid(wind[:, axis], name=name, transform=SCALED) for axis, name in enumerate(names)]
+    write(tmp_path, grid(transform=SCALED), grid(wind, name="vel", kind="vec3s", transform=SCALED), *parts)
+    whole, _, _ = blurred(tmp_path, {"density": "", "vel": ""})
+    fields = "".join(field_text(f"c{axis}", grid_name=name) for axis, name in enumerate(names))
+    relationships = "".join(f"rel field:c{axis} = <c{axis}>\n" for axis in (2, 0, 1))
+    found, told, messages = blurred(tmp_path, {"density": ""}, extra=relationships + fields)
+    np.testing.assert_array_equal(found.velocity.leaf_origins, whole.velocity.leaf_origins)
+    np.testing.assert_allclose(found.velocity.leaf_values, whole.velocity.leaf_values, rtol=1e-6)
+    assert {code for code, _ in told} == {"volume-convention"}
+    assert "by the velocities of the fields c0, c1 and c2" in messages[0]
+
+
+def test_components_in_different_leaves_and_tiles(tmp_path: Path) -> None:
+    """A component that has no value somewhere is 0 there."""
+    parts = [grid(24.0, name="vel.x"), vdb.Grid(name="vel.y", leaves={(8, 0, 0): vdb.Leaf(np.full(512, 48.0), ACTIVE)})]
+    parts.append(vdb.Grid(name="vel.z", leaves={}, tiles=[vdb.Tile((0, 0, 0), 8, 72.0)]))
+    smoke = vdb.Grid(name="density", leaves={(x, 0, 0): vdb.Leaf(np.ones(512), ACTIVE) for x in (0, 8)})
+    write(tmp_path, smoke, *parts)
+    fields = "".join(f"rel field:{a} = <{a}>\n" + field_text(a, grid_name=f"vel.{a}") for a in "xyz")
+    blur, _, _ = blurred(tmp_path, {"density": ""}, RenderSettings(time_code=0, shutter=(0, 1)), extra=fields)
+    np.testing.assert_allclose(blur.velocity.values_at(np.array([[3, 3, 3], [11, 3, 3]])), [[1, 0, 3], [0, 2, 0]], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("names", "transforms", "says"),
+    [
+        (("vel.x", "vel.y"), (SCALED, SCALED), "there are 2 of three components"),
+        (("vel.x",), (SCALED,), "there is 1 of three components"),
+        (
+            ("vel.x", "vel.y", "vel.z"),
+            (SCALED, SCALED, ("UniformScaleMap", vdb.scale_map(0.25, 0.25, 0.25))),
+            "the components differ in their transforms",
+        ),
+    ],
+)
+def test_components_that_cannot_be_joined_are_reported(tmp_path: Path, names: Any, transforms: Any, says: str) -> None:
+    parts = [grid(-2.0, name=name, transform=transform) for name, transform in zip(names, transforms, strict=True)]
+    write(tmp_path, grid(transform=SCALED), *parts)
+    fields = "".join(f"rel field:{name[-1]} = <{name[-1]}>\n" + field_text(name[-1], grid_name=name) for name in names)
+    blur, told, messages = blurred(tmp_path, {"density": ""}, extra=fields)
+    assert blur is None
+    assert told == [("motion", "/Smoke"), ("volume-convention", "/Smoke")]
+    assert says in messages[0]
+    closed = blurred(tmp_path, {"density": ""}, RenderSettings(time_code=0), extra=fields)[1]
+    assert closed == [("volume-convention", "/Smoke")]  # nothing reads them

@@ -151,15 +151,15 @@ def test_a_file_is_read_once(tmp_path: Path) -> None:
 FIELD = "/Smoke/density"
 
 
-NO_FIELD = [("volume-field", FIELD), ("volume-field", "/Smoke")]
-NO_FILE = [("asset-missing", FIELD), ("volume-field", "/Smoke")]
+NO_FIELD = [("volume-field", FIELD)]
+NO_FILE = [("asset-missing", FIELD)]
 
 
 @pytest.mark.parametrize(
     ("text", "told", "says"),
     [
-        ('def Volume "Smoke" {}', [("volume-field", "/Smoke")], "no field that can be read"),
-        ('def Volume "Smoke" {\n rel field:density = </Gone>\n}', [("volume-field", "/Smoke")] * 2, "/Gone does not exist"),
+        ('def Volume "Smoke" {}', [("volume-field", "/Smoke")], "It names no field"),
+        ('def Volume "Smoke" {\n rel field:density = </Gone>\n}', [("volume-field", "/Smoke")], "/Gone does not exist"),
         (volume_text().replace("OpenVDBAsset", "Field3DAsset"), NO_FIELD, "a Field3DAsset"),
         (volume_text().replace("smoke.vdb", "gone.vdb"), NO_FILE, "gone.vdb cannot be found"),
         (volume_text().replace("smoke.vdb", "smoke.####.vdb"), NO_FILE, "is a time sample of filePath"),
@@ -237,7 +237,7 @@ def test_a_level_set_is_read_as_it_is(tmp_path: Path) -> None:
 def test_too_many_voxels(tmp_path: Path) -> None:
     write(tmp_path, grid(np.arange(512.0)))
     _, told, messages = translated(tmp_path, volume_text(), RenderSettings(max_memory_bytes=1000))
-    assert told == [("volume-too-large", FIELD), ("volume-field", "/Smoke")]
+    assert told == [("volume-too-large", FIELD)]
     assert "512 voxels" in messages[0]
 
 
@@ -274,3 +274,32 @@ print([name for name in sys.modules if "volumes" in name and name.startswith("pr
 """
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "['primray.description.volumes']"
+
+
+def test_a_field_that_cannot_be_read_is_reported_once(tmp_path: Path) -> None:
+    """The shader that reads it is not reported for its absence."""
+    write(tmp_path, grid(name="temperature"))
+    text = volume_text({"density": "", "temperature": ""}, bound="/Look")
+    shader = 'def Shader "v" { uniform token info:id = "arnold:standard_volume"\ntoken outputs:out\n}\n'
+    look = f'def Material "Look" {{\ntoken outputs:arnold:volume.connect = </Look/v.outputs:out>\n{shader}}}\n'
+    _, told, messages = translated(tmp_path, text + look)
+    assert [of for of in told if of[0] in ("volume-field", "material-input")] == [("volume-field", FIELD)], messages
+
+
+def test_fields_that_nothing_reads_are_not_reported(tmp_path: Path) -> None:
+    """Signs of velocities, of fields that only other shaders read, and their types concern no picture."""
+    signed = np.linspace(-1, 1, 512)
+    write(tmp_path, grid(), grid(signed, name="curl"), grid((1.0, -1.0, 0.0), name="vel", kind="vec3s"))
+    fields = {"density": "", "curl": 'token fieldDataType = "float3"', "vel": ""}
+    assert translated(tmp_path, volume_text(fields))[1] == [CONVENTION]
+    write(tmp_path, grid(signed), grid(), grid((1.0, -1.0, 0.0), name="vel", kind="vec3s"))
+    assert ("volume-values", FIELD) in translated(tmp_path, volume_text({"density": "", "vel": ""}))[1]
+
+
+def test_an_empty_grid_is_reported(tmp_path: Path) -> None:
+    write(tmp_path, grid(0.0), grid(0.0, name="curl"))
+    _, told, messages = translated(tmp_path, volume_text({"density": "", "curl": ""}))
+    assert told == [("volume-empty", FIELD), CONVENTION]
+    assert "The grid 'density' is 0 everywhere" in messages[0]
+    write(tmp_path, vdb.Grid(name="density", leaves={}))
+    assert translated(tmp_path, volume_text())[1] == [("volume-empty", FIELD), CONVENTION]
