@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests import vdb_writer as vdb
+from tests.unit.usd.volumes.volume_text import grid, write
 
 import primray
 from primray import usd
@@ -160,6 +162,52 @@ def test_a_texture_that_changed(scene: ViewedScene, tmp_path: Path) -> None:
         Image(level * sky, channels=("R", "G", "B")).save(tmp_path / "sky.exr")
         scene.read_anew({str(tmp_path / "sky.exr"), str(tmp_path / "more.usda")})
         assert np.allclose(picture(scene).pixels[0, 0, :3], level, rtol=0.05)
+
+
+SMOKE = """#usda 1.0
+def Volume "smoke" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{
+    rel field:density = </smoke/density>
+    rel material:binding = </look>
+    def OpenVDBAsset "density" {
+        asset filePath = @./smoke.vdb@
+        token fieldName = "density"
+    }
+}
+def Material "look" {
+    token outputs:arnold:volume.connect = </look/v.outputs:out>
+    def Shader "v" {
+        uniform token info:id = "arnold:standard_volume"
+        float inputs:density = %s
+        float inputs:scatter = 0
+        token outputs:out
+    }
+}
+def DomeLight "sky" {
+}
+"""
+
+
+def test_a_volume_that_is_edited(scene: ViewedScene, tmp_path: Path) -> None:
+    """An edit of its density and one of its file are seen, as in a render of the stage."""
+    settings = primray.RenderSettings(resolution=(48, 32), spp=2, seed=3)
+    write(tmp_path, grid(0.5))
+    (tmp_path / "more.usda").write_text(SMOKE % 0.1)
+    scene.read_anew({str(tmp_path / "more.usda")})
+    thin = picture(scene)
+    assert str(tmp_path / "smoke.vdb") in scene.files()
+    (tmp_path / "more.usda").write_text(SMOKE % 2)
+    scene.read_anew({str(tmp_path / "more.usda")})
+    thick = picture(scene)
+    assert thick.pixels[..., :3].mean() < thin.pixels[..., :3].mean()
+    assert same(thick, primray.render(scene.path, settings))
+    write(tmp_path, grid(np.full(512, 0.125), metadata={"note": vdb.string("changed")}))
+    scene.read_anew({str(tmp_path / "smoke.vdb")})
+    thinned = picture(scene)
+    assert thinned.pixels[..., :3].mean() > thick.pixels[..., :3].mean()
+    assert same(thinned, primray.render(scene.path, settings))
 
 
 def test_a_package_that_changed(tmp_path: Path) -> None:
