@@ -29,6 +29,7 @@ from tests.textured import plate, primvar, texture, with_primvars
 from primray.description import (
     Curves,
     Doubles,
+    Hair,
     Interpolation,
     LightType,
     Linked,
@@ -311,6 +312,22 @@ def hairs() -> Described:
     )  # fmt: skip
 
 
+def furs() -> Described:
+    """Hair beside tubes of another surface, in the world and in instances."""
+    surfaces = [Surface("/fur", hair=Hair(absorption=(0.1, 0.3, 0.8))), lambert(0.7)]
+    shapes: list[tuple[Shape, Doubles]] = [(ground(4, surface=1), np.eye(4))]
+    shapes += [(strands(30, k % 2, k), translation(0.5 * (k - 1), 0, 0.3 * k)) for k in range(3)]
+    matrices = [translation(0.7 * k - 1, 0.1, 0.9) @ rotation([0, 1, 0], 50 * k) for k in range(3)]
+    lights = [
+        light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 4.0),
+        light(LightType.DOME, emission=0.3),
+    ]
+    return describe(
+        shapes, surfaces, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION,
+        [Prototype("/p", (Placed(len(shapes), np.eye(4)),))], [strands(8, 0, 4)], [placement(0, matrices)],
+    )  # fmt: skip
+
+
 def linked() -> Described:
     """Light and shadow linking, shadows of every kind, lights that the camera does not see, through panes and instances."""
     d = instances()
@@ -387,6 +404,7 @@ SCENES: dict[str, Callable[[], Described]] = {
     "emitters": emitters,
     "textures": textured,
     "hairs": hairs,
+    "furs": furs,
     "linked": linked,
     "linked crowd": linked_crowd,
     "volumes": volumes,

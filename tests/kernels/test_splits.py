@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.bench.peers.grooms import groom
 from tests.bench.peers.scene import Camera, Lamp, Look, Scene
 from tests.bench.peers.scenes import cove
 from tests.bench.peers.shapes import ball, rectangle
@@ -79,3 +80,11 @@ def test_what_is_not_lit_is_not_split(tmp_path: Path) -> None:
     scene = balls(1.0)
     scene.lamps = [Lamp("rect", (1.0, 1.0, 1.0), (3, -5, 3), (1, 0, 0), (0, 0, 1))]  # below the ground
     assert chosen(scene, tmp_path) == (1, 1)
+
+
+def test_paths_from_hair_do_not_split(tmp_path: Path) -> None:
+    """Pilots would split them. And no guide is learnt where hair has all of the error."""
+    scene, settings = built(groom(count=4000, radius=0.006), tmp_path)
+    splits = core.choose_splits(scene, settings)
+    assert splits == core.Splits(1, 1)
+    assert scene.guide(settings, splits) is None

@@ -66,11 +66,10 @@ void attach_curves(rtc::Scene target, Scene& scene, const Group& group, const Cu
                    uint32_t ends) {
   if (range.segments > 0) {
     const OwnedGeometry g = make_tubes(scene, group, range, steps);
-    if (has_holes(scene, range)) {
-      scene.cutouts.push_back({&scene, uint32_t(&group - scene.groups.data()), range.segment});
-      set_tube_filter(g.get(), scene.cutouts.back());
-      scene.has_cutouts = true;
-    }
+    const bool holes = has_holes(scene, range), fibres = has_fibres(scene, range);
+    if (holes || fibres) scene.cutouts.push_back({&scene, uint32_t(&group - scene.groups.data()), range.segment});
+    if (holes) set_tube_filter(g.get(), scene.cutouts.back()), scene.has_cutouts = true;
+    if (fibres) set_fibre_filter(g.get(), scene.cutouts.back(), holes);
     embree().rtcCommitGeometry(g.get());
     attach(target, g, tubes);
   }
@@ -97,8 +96,26 @@ OwnedGeometry make_placement(Scene& scene, size_t placement) {
   return g;
 }
 
+void attach_all_curves(rtc::Scene target, Scene& scene, const Group& group) {
+  attach_curves(target, scene, group, group.curves.still, 1, kCurveGeometry, kCurveEndGeometry);
+  attach_curves(target, scene, group, group.curves.moving, vertex_steps(scene, group), kMovingCurveGeometry,
+                kMovingCurveEndGeometry);
+}
+
+// Curves of the world have an Embree scene of their own. They need no robust mode, as there is no edge at which two of them
+// meet, and take three quarters of the time without it. Single rays then have other bits than packets where a ray touches a
+// box's side, so there are no packets in that scene.
+void build_world_curves(Scene& scene, Group& world, int compact) {
+  world.curve_accel = new_embree_scene(compact);
+  attach_all_curves(world.curve_accel.get(), scene, world);
+  embree().rtcCommitScene(world.curve_accel.get());
+}
+
 void build_group(Scene& scene, Group& group) {
-  group.accel = new_embree_scene(group.curves.still.segments > kManySegments);
+  const int compact = group.curves.still.segments > kManySegments ? rtc::kCompact : 0;
+  const bool curves_apart = &group == &scene.groups[0] && group.curves.any();
+  if (curves_apart) build_world_curves(scene, group, compact);
+  group.accel = new_embree_scene(rtc::kRobust | (curves_apart ? 0 : compact));
   rtc::Scene target = group.accel.get();
   group.paired_count = paired_in(scene, group);
   scene.has_pairs |= group.paired_count > 0;
@@ -111,9 +128,7 @@ void build_group(Scene& scene, Group& group) {
     const CurvedRange& r = group.curved.of<K>();
     if (r.count > 0) attach(target, K::geometry(&scene.curved.records<K>()[r.first], r.count), K::kGeometry);
   });
-  attach_curves(target, scene, group, group.curves.still, 1, kCurveGeometry, kCurveEndGeometry);
-  attach_curves(target, scene, group, group.curves.moving, vertex_steps(scene, group), kMovingCurveGeometry,
-                kMovingCurveEndGeometry);
+  if (!curves_apart) attach_all_curves(target, scene, group);
   for (uint32_t i = 0; i < group.placement_count; ++i)
     attach(target, make_placement(scene, group.placement_base + i), kFirstPlacement + i);
   embree().rtcCommitScene(target);

@@ -90,6 +90,7 @@ void bounds(const rtc::BoundsArguments* args) {
 struct EndHit {
   double t;
   dvec3 offset;  // from the centre, in parts of the radius
+  bool leaves;   // the ray comes from within the tube
 };
 
 bool intersect_disc(const PlacedEnd& e, const dvec3& o, const dvec3& d, double tnear, double tfar, EndHit& hit) {
@@ -101,7 +102,7 @@ bool intersect_disc(const PlacedEnd& e, const dvec3& o, const dvec3& d, double t
   dvec3 h = o + d * t - e.p;
   h = h - n * dot(h, n);
   if (!(dot(h, h) <= e.r * e.r)) return false;
-  hit = {t, h * (1 / e.r)};
+  hit = {t, h * (1 / e.r), cosine > 0};
   return true;
 }
 
@@ -115,7 +116,7 @@ bool intersect_wedge(const PlacedEnd& e, const dvec3& o, const dvec3& d, double 
     if (!(t > tnear && t < tfar)) continue;
     const dvec3 h = o + d * t - e.p;
     if (dot(h, e.before) < 0 || dot(h, e.after) > 0) continue;
-    hit = {t, h * (1 / std::sqrt(dot(h, h)))};
+    hit = {t, h * (1 / std::sqrt(dot(h, h))), t > middle};
     return true;
   }
   return false;
@@ -157,6 +158,7 @@ void occluded(const rtc::OccludedArguments* args) {
   for (uint32_t i = 0; i < args->n; ++i) {
     EndHit found;
     if (args->valid[i] && intersect_end(ends, args->prim_id, args->ray, args->n, i, found) &&
+        !(found.leaves && is_fibre(*ends.scene, size_t(ends.scene->curves.ends[ends.first + args->prim_id].segment))) &&
         !is_gone(ends, args->prim_id, *args->context))
       args->ray[8 * args->n + i] = -INFINITY;
   }

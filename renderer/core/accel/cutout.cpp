@@ -1,6 +1,6 @@
-// Embree's filter functions for cutouts (surfaces with an opacityThreshold): they reject hits in a cutout's holes, for nearest
-// hits and shadow rays alike. Lanes are handled one at a time: a call for a packet of incoherent rays has 1.1 active lanes on
-// average.
+// Embree's filter functions. Those of cutouts (surfaces with an opacityThreshold) reject hits in a cutout's holes, for nearest
+// hits and shadow rays alike. That of hair lets shadow rays out of a fibre: what is within one has already been scattered by
+// it. Lanes are handled one at a time: a call for a packet of incoherent rays has 1.1 active lanes on average.
 //
 // Opacity is read at the finest mip level, since a filter does not know the ray's cone: a cutout has the same holes for every
 // ray. A ray that hits an edge shared by two triangles may be tested twice, with the same answer.
@@ -80,6 +80,22 @@ void tube_filter(const rtc::FilterArguments* args) {
   }
 }
 
+// Whether a ray meets the wall of a tube from within.
+bool leaves(const rtc::FilterArguments& args, uint32_t i) {
+  const auto ray = [&](int f) { return args.ray[f * args.n + i]; };
+  const auto ng = [&](int f) { return args.hit[f * args.n + i]; };
+  return ng(0) * ray(4) + ng(1) * ray(5) + ng(2) * ray(6) >= 0;
+}
+
+template <bool kHoles>
+void fibre_filter(const rtc::FilterArguments* args) {
+  const CutoutGroup& cutouts = *static_cast<const CutoutGroup*>(args->user);
+  for (uint32_t i = 0; i < args->n; ++i)
+    if (args->valid[i] && leaves(*args, i) && is_fibre(*cutouts.scene, size_t(cutouts.first) + FilterHit(*args, i).prim))
+      args->valid[i] = 0;
+  if constexpr (kHoles) tube_filter(args);
+}
+
 void set_filter(rtc::Geometry geometry, const CutoutGroup& cutouts, rtc::FilterFunction function) {
   const rtc::Api& e = embree();
   e.rtcSetGeometryUserData(geometry, const_cast<CutoutGroup*>(&cutouts));
@@ -87,22 +103,48 @@ void set_filter(rtc::Geometry geometry, const CutoutGroup& cutouts, rtc::FilterF
   e.rtcSetGeometryOccludedFilterFunction(geometry, function);
 }
 
-}  // namespace
+int32_t surface_of(const Scene& scene, int32_t run) { return scene.curved.surface[size_t(scene.curves.row[size_t(run)])]; }
 
-void set_cutout_filter(rtc::Geometry geometry, const CutoutGroup& cutouts) { set_filter(geometry, cutouts, filter); }
-void set_tube_filter(rtc::Geometry geometry, const CutoutGroup& cutouts) { set_filter(geometry, cutouts, tube_filter); }
-
-bool has_holes(const Scene& scene, const CurveRange& range) {
+// Whether `test` is true of the surface of one of the curves.
+template <class Test>
+bool any_surface(const Scene& scene, const CurveRange& range, const Test& test) {
   int32_t before = -1;
   for (uint32_t i = 0; i < range.segments; ++i) {
     const int32_t run = scene.curves.run[range.segment + i];
     if (run == before) continue;
     before = run;
-    const int32_t inputs = scene.surface_inputs_of[size_t(scene.curved.surface[size_t(scene.curves.row[size_t(run)])])];
-    const SurfaceInputs* s = inputs < 0 ? nullptr : &scene.surface_inputs[size_t(inputs)];
-    if (s && s->constants.opacity_threshold > 0 && s->find(InputField::kOpacity)) return true;
+    if (test(surface_of(scene, run))) return true;
   }
   return false;
+}
+
+bool is_hair(const Scene& scene, int32_t surface) {
+  return int_at(&scene.surfaces.rows[size_t(surface) * kSurfaceFields], kFlags) & kHair;
+}
+
+}  // namespace
+
+void set_cutout_filter(rtc::Geometry geometry, const CutoutGroup& cutouts) { set_filter(geometry, cutouts, filter); }
+void set_tube_filter(rtc::Geometry geometry, const CutoutGroup& cutouts) { set_filter(geometry, cutouts, tube_filter); }
+
+void set_fibre_filter(rtc::Geometry geometry, const CutoutGroup& cutouts, bool holes) {
+  const rtc::Api& e = embree();
+  e.rtcSetGeometryUserData(geometry, const_cast<CutoutGroup*>(&cutouts));
+  e.rtcSetGeometryOccludedFilterFunction(geometry, holes ? fibre_filter<true> : fibre_filter<false>);
+}
+
+bool is_fibre(const Scene& scene, size_t segment) { return is_hair(scene, surface_of(scene, scene.curves.run[segment])); }
+
+bool has_fibres(const Scene& scene, const CurveRange& range) {
+  return !scene.surfaces.hair.empty() && any_surface(scene, range, [&](int32_t surface) { return is_hair(scene, surface); });
+}
+
+bool has_holes(const Scene& scene, const CurveRange& range) {
+  return any_surface(scene, range, [&](int32_t surface) {
+    const int32_t inputs = scene.surface_inputs_of[size_t(surface)];
+    const SurfaceInputs* s = inputs < 0 ? nullptr : &scene.surface_inputs[size_t(inputs)];
+    return s && s->constants.opacity_threshold > 0 && s->find(InputField::kOpacity);
+  });
 }
 
 bool is_end_hole(const Scene& scene, int32_t end, const rtc::RayQueryContext& context) {

@@ -16,6 +16,12 @@ void set_cutout_filter(rtc::Geometry geometry, const CutoutGroup& cutouts);
 // Sets the filter of tubes; `first` of `cutouts` is a segment of the scene, and `cutouts` must outlive the geometry.
 void set_tube_filter(rtc::Geometry geometry, const CutoutGroup& cutouts);
 
+// Sets the filter of shadow rays, in tubes of which some are fibres; with the holes of `cutouts`, if these have any.
+void set_fibre_filter(rtc::Geometry geometry, const CutoutGroup& cutouts, bool holes);
+
+// Whether a segment of the scene's curves is hair, and whether some of a group's are.
+bool is_fibre(const Scene& scene, size_t segment);
+bool has_fibres(const Scene& scene, const CurveRange& range);
 // Whether some of a group's curves have a surface with holes.
 bool has_holes(const Scene& scene, const CurveRange& range);
 // Whether there is a hole at end `end` of the scene's tubes, in an instance of that context.
@@ -43,10 +49,10 @@ OwnedGeometry make_tube_ends(const TubeEnds* record);
 
 // Embree scenes and triangle geometry over the flat arrays, which are shared, not copied.
 
-// Returns a new Embree scene in robust mode.
-inline OwnedScene new_embree_scene(bool is_compact = false) {
+// Returns a new Embree scene with such flags.
+inline OwnedScene new_embree_scene(int flags = rtc::kRobust) {
   OwnedScene s(embree().rtcNewScene(embree_device()));
-  embree().rtcSetSceneFlags(s.get(), rtc::kRobust | (is_compact ? rtc::kCompact : 0));
+  embree().rtcSetSceneFlags(s.get(), rtc::SceneFlags(flags));
   embree().rtcSetSceneBuildQuality(s.get(), rtc::BuildQuality(2));
   return s;
 }

@@ -82,7 +82,7 @@ SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene) : scene_(std::move(scen
   s.lights = {}, s.lights.links = std::move(links);
   s.emitters = {}, s.outlines = {}, s.interiors = {}, s.volumes.reset();
   s.camera = {}, s.distortion.reset();
-  s.has_emission = s.has_thin = s.has_smooth_glass = false;
+  s.has_emission = s.has_thin = s.shadows_need_hits = s.has_smooth_glass = false;
 }
 
 bool SceneBuilder::replace_mesh(size_t row, const MeshInput& mesh, const daffine& before, const daffine& group_from_object) {
@@ -90,7 +90,7 @@ bool SceneBuilder::replace_mesh(size_t row, const MeshInput& mesh, const daffine
   const bool mirrored = group_from_object.determinant() < 0;
   if (!mesh.times.empty() || mesh.cutout || mirrored != (before.determinant() < 0)) return false;
   if (keeps_accel_) {
-    for (Group& group : s.groups) group.accel = {};
+    for (Group& group : s.groups) group.accel = {}, group.curve_accel = {};
     s.placed.clear(), s.cutouts.clear();
     s.few_triangles = {}, s.triangle_bvh = {};
     keeps_accel_ = false;
@@ -362,13 +362,15 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     const float* row = &s.surfaces.rows[i];
     const int flags = int_at(row, kFlags);
     s.has_emission |= (flags & kEmits) != 0;
-    s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1 || (flags & kHair);
+    s.shadows_need_hits |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1;
+    s.has_thin |= (flags & kHair) != 0;
     s.has_smooth_glass |= (flags & kPreview) && row[kTransmission] > 0 && row[kAlpha] == 0;
   }
   // Camera rays pass through hidden surfaces as if these were transmissive.
-  s.has_thin |= s.camera_visibility.any();
+  s.shadows_need_hits |= s.camera_visibility.any();
   set_input_features(s);
   mark_media_boundaries(s);
+  s.has_thin |= s.shadows_need_hits;
   s.has_emission |= s.geometry_lights.any();
   if (!s.lights.portals.empty()) s.lights.portals.resize(s.lights.domes.size());
   s.lights.analytic_count = s.lights.count;

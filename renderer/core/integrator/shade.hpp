@@ -42,6 +42,14 @@ PRIMRAY_INLINE vbool<W> is_side_certain(Round& round, vbool<W> hit, const PathLa
   return certain;
 }
 
+// Marks the pixels of camera rays that meet hair in lanes `hit`.
+template <int W>
+PRIMRAY_RARE void mark_fibres(Round& round, vbool<W> hit, const PathLanes<W>& p, const SurfaceRows<W>& rows) {
+  hit &= (p.vertex == vint<W>(0)) & ((rows.flags() & vint<W>(kHair)) != vint<W>(0));
+  for (uint32_t b = bits(hit); b; b &= b - 1)
+    round.worker.shows_fibres[(p.slot[__builtin_ctz(b)] & kSumMask) % Worker::kSlots / round.samples] = true;
+}
+
 // Shades one vertex of the paths at [at, at + W).
 template <int W>
 void shade_lanes(Round& round, int at, vbool<W> active) {
@@ -99,6 +107,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
     log->end(p, any(certain) ? "the maximum depth is reached" : "rounding hides from which side the surface is hit");
   if (!any(in_media ? hit : scatters)) return;
 
+  if (!scene.surfaces.hair.empty()) mark_fibres(round, scatters, p, surface.rows);
   // Sample direct illumination and continue the paths
   const V wo = -p.ray.d;
   surface.set_frame(wo);

@@ -65,6 +65,8 @@ struct Worker {
   PacketChoice camera_entry, scattered_entry, shadow_entry;
   int64_t camera_rays = 0, scattered_rays = 0, shadow_rays = 0;
   int64_t busy_lanes = 0, shaded_lanes = 0;  // occupancy of the shading steps
+  // Whether camera rays met hair first, by pixel in the order in which the task samples them; for pilots.
+  bool shows_fibres[kTile * kTile] = {};
 };
 
 // Lists the block's pixels in Morton order, so that neighbours in a packet are neighbours on the film; returns their number.

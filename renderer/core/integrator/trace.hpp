@@ -130,6 +130,8 @@ void trace_shadow_lanes(Round& round) {
   Worker& w = round.worker;
   const ShadowQueue& q = w.shadows;
   const bool volumes = round.has_volumes();
+  // Rays that leave a fibre are let out by a filter (accel/cutout.cpp).
+  const bool hits = round.scene.has_thin && round.scene.shadows_need_hits;
   for (int at = 0; at < q.count; at += W) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(q.count - at);
     Rays<W> rays = q.rays<W>(at);
@@ -137,7 +139,7 @@ void trace_shadow_lanes(Round& round) {
     vvec3<W> carried = carried_at<W>(q, at);
     vint<W> passed(0);
     vbool<W> blocked;
-    if (round.scene.has_thin) {
+    if (hits) {
       blocked = !pass_thin_shadows(round, at, active, rays, carried, round.needs.lpe ? &passed : nullptr);
     } else {
       const bool packet = w.shadow_entry.packet(), measuring = w.shadow_entry.measuring();
@@ -169,7 +171,7 @@ void trace_special_shadows(Round& round) {
     Rays<W> rays = q.rays.rays<W>(at);
     if (round.needs.time) rays.time = load<W>(q.rays.time + at);
     ShadowMedia<W> media;
-    const bool follows = round.follows_media() && round.scene.has_thin;
+    const bool follows = round.follows_media() && round.scene.shadows_need_hits;
     if (follows) media = round.worker.medium_states->special_shadows.at<W>(at), media.sets = &round.worker.medium_states->sets;
     vint<W> passed(0);
     const vvec3<W> left = pass_special(round.scene, round.recorder, active, rays, light, follows ? &media : nullptr,
@@ -188,8 +190,8 @@ void trace_special_shadows(Round& round) {
 template <int W>
 void trace_shadows(Round& round) {
   round.worker.shadow_rays += round.worker.shadows.count;
-  round.scene.triangle_bvh.any() && !round.scene.has_thin && !round.has_volumes() ? trace_shadow_stream<W>(round)
-                                                                                  : trace_shadow_lanes<W>(round);
+  round.scene.triangle_bvh.any() && !round.scene.shadows_need_hits && !round.has_volumes() ? trace_shadow_stream<W>(round)
+                                                                                           : trace_shadow_lanes<W>(round);
   if (round.has_special()) trace_special_shadows<W>(round);
 }
 

@@ -191,6 +191,7 @@ struct Group {
   CurveGroup curves;
   uint32_t placement_base = 0, placement_count = 0;  // placements in it: in the world, or in a prototype without shapes
   OwnedScene accel;
+  OwnedScene curve_accel;  // of the world: its curves, if it has any (accel/build.cpp)
   uint32_t still_count() const { return triangle_count + cutout_count; }
   uint32_t all_triangles() const { return still_count() + moving_count + moving_cutout_count; }
   bool empty() const { return all_triangles() + placement_count == 0 && !curved.any() && !curves.any(); }
@@ -255,7 +256,8 @@ struct Scene {
   bool only_domes_found = false;             // ... only domes among these, for which an occlusion test suffices
   bool only_hierarchy_lights_found = false;  // ... or only lights in LightTable::hierarchy
   bool has_pairs = false;                    // some groups begin with triangles in pairs
-  Fact<built::kThin> has_thin = false;       // something lets light pass straight: shadow rays need their hits
+  Fact<built::kThin> has_thin = false;       // something lets light pass straight
+  bool shadows_need_hits = false;            // ... other than fibres, whose walls let out what is within them
   bool has_smooth_glass = false;
 
   // All geometry, if it consists of triangles alone: few, or many. The world has no Embree scene then (accel/query.hpp).
@@ -263,6 +265,7 @@ struct Scene {
   TriangleBvh triangle_bvh;
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
+  rtc::Scene curve_accel() const { return groups[0].curve_accel.get(); }
   // Whether rays have times.
   bool moves() const {
     return camera.moves || motion.any_instances || motion.any_points || lights.any_moves() || (volumes && volumes->any_moves());

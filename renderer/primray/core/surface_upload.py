@@ -35,6 +35,11 @@ def is_hole(surface: Surface) -> bool:
     return surface.opacity_threshold > surface.opacity and not is_cutout(surface)
 
 
+def is_fibre(surface: Surface) -> bool:
+    """Return whether shadow rays must leave curves of the surface from within."""
+    return surface.hair is not None
+
+
 def with_readable_inputs(surface: Surface, textures: Textures) -> Surface:
     """Return the surface with textures that could not be read replaced by their fallbacks."""
     unreadable = [(name, i) for name, i in surface.inputs if isinstance(i, TextureInput) and not textures.get(i.file)]

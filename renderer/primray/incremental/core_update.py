@@ -19,7 +19,7 @@ from ..core.scene import CoreScene, core_scene, inverse_cdf
 from ..core.scene_upload import UploadRecord, camera_input, fog_input, power_of_two_scale, scene_extent
 from ..core.shape_upload import matrix, whole_part
 from ..core.single_precision import OUTLYING, rebasing_origin
-from ..core.surface_upload import SurfaceUpload, is_cutout, is_hole
+from ..core.surface_upload import SurfaceUpload, is_cutout, is_fibre, is_hole
 from ..description import Mesh, Placed, SceneDescription, Surface, TextureFile
 from ..description.placement import transformed_boxes
 from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
@@ -70,7 +70,7 @@ def _are_alike(one: Surface, other: Surface) -> bool:
     if one is other:
         return True
     alike = one.inputs == other.inputs and one.pattern == other.pattern and one.interface == other.interface
-    return alike and is_cutout(one) == is_cutout(other) and is_hole(one) == is_hole(other)
+    return alike and is_cutout(one) == is_cutout(other) and is_hole(one) == is_hole(other) and is_fibre(one) == is_fibre(other)
 
 
 def _updated_placements(

@@ -10,17 +10,22 @@ from .shapes import Array, ball, rectangle, sky
 HAIR = Look("hair", (0.12, 0.28, 0.6), 0.3, 1.55)  # the colour: what is absorbed over a radius
 
 
-def groom(count: int = 40_000) -> Scene:
+def groom(name: str = "groom", count: int = 25_000, radius: float = 0.0025) -> Scene:
     """A ball of fur on a table; the strands bend down and a little at random."""
-    scene = Scene("groom", (400, 400), 24, Camera((0, 1.5, 3.6), (0, 0.75, 0), 34.0))
+    scene = Scene(name, (400, 400), 24, Camera((0, 1.5, 3.6), (0, 0.75, 0), 34.0))
     scene.looks = {"hair": HAIR, "skin": Look("diffuse", (0.2, 0.12, 0.08)), "table": Look("diffuse", (0.5, 0.48, 0.45))}
     scene.add("table", rectangle((0, 0, 0), (0, 0, 4), (4, 0, 0)), "table")
     scene.add("skin", ball(5, 0.6, (0, 0.75, 0), smooth=True), "skin")
-    scene.strands = Strands(_strands(count), 0.0025, "hair")
+    scene.strands = Strands(_strands(count), radius, "hair")
     disc = ((0.4, 0.7, 0.5), 6.0, (60.0, 55.0, 46.0))
-    scene.images = {"groom_sky.exr": sky(512, (0.25, 0.4, 0.8), (0.8, 0.86, 1.0), (0.2, 0.18, 0.16), disc)}
-    scene.lamps = [Lamp("sky", image="groom_sky.exr")]
+    scene.images = {f"{name}_sky.exr": sky(512, (0.25, 0.4, 0.8), (0.8, 0.86, 1.0), (0.2, 0.18, 0.16), disc)}
+    scene.lamps = [Lamp("sky", image=f"{name}_sky.exr")]
     return scene
+
+
+def pelt() -> Scene:
+    """The same with a million strands a sixth of a pixel wide."""
+    return groom("pelt", 1_000_000, 0.0005)
 
 
 def _strands(count: int) -> Array:

@@ -54,11 +54,11 @@ def reason_against(renderer: Renderer, scene: str) -> str | None:
         return "it traces every instance while it records its kernel: minutes, and more than 11 GB at 100,000 instances"
     if renderer.variant.startswith("scalar") and scene not in ("field", "box"):
         return "slower than its LLVM variant wherever that takes the scene (box has both)"
-    if scene in ("shelf", "flesh", "groom") and renderer.peer == "luxcore":
+    if scene in ("shelf", "flesh", "groom", "pelt") and renderer.peer == "luxcore":
         return "its runner has no such surface"
     if scene == "flesh" and renderer.peer == "mitsuba":
         return "it has no random walk below a surface with an albedo to meet"
-    if scene == "groom" and renderer.peer == "mitsuba":
+    if scene in ("groom", "pelt") and renderer.peer == "mitsuba":
         return "its LLVM variants crashed in three of five runs (3.9.1)"
     if scene == "lamps" and renderer.peer == "luxcore":
         return "its sphere light has other units"

@@ -19,7 +19,7 @@ from functools import partial
 
 import numpy as np
 
-from .grooms import groom
+from .grooms import groom, pelt
 from .moving_scenes import flag, pan, spin, swarm
 from .scene import Camera, Lamp, Look, Placed, Rgb, Scene
 from .shapes import Triangles, ball, block, bumps, cylinder, rectangle, sky, terrain, tube
@@ -309,6 +309,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "shelf": shelf,
     "flesh": flesh,
     "groom": groom,
+    "pelt": pelt,
     "signs": signs,
     "studio": studio,
     "spin": spin,

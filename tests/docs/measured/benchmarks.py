@@ -45,7 +45,8 @@ SCENE_TEXT = {
     "plastics": "Plastics from glossy to dull on a polished floor, in a closed room under two large lamps; 6 scatterings.",
     "shelf": "Twelve balls of other surfaces each, OpenPBR's here, on a table under two lamps; 8 scatterings.",
     "flesh": "Balls of skin, wax and jade, light walking below their surfaces; 64 scatterings.",
-    "groom": "40,000 strands of hair on a ball under a sky with a wide sun; 24 scatterings.",
+    "groom": "25,000 strands of hair on a ball under a sky with a wide sun; 24 scatterings.",
+    "pelt": "The same with a million strands, each a sixth of a pixel wide.",
     "signs": "A closed room lit by meshes: bent tubes, five bars, a globe, a panel of two triangles; 6 scatterings.",
     "studio": "A closed room lit by two discs and three tubes close to what they light, and by a heap of glowing rings; "
     "6 scatterings.",

@@ -134,7 +134,8 @@ void set_input_features(Scene& scene) {
     scene.has_emission |= inputs.find(InputField::kEmissiveColor) != nullptr;
     const InputSource* opacity = inputs.find(InputField::kOpacity);
     const SurfaceInput& s = inputs.constants;
-    if (opacity && !(s.opacity_threshold > 0) && (s.presence || s.thin)) scene.has_thin |= lower_bound(scene, *opacity) < 1;
+    if (opacity && !(s.opacity_threshold > 0) && (s.presence || s.thin))
+      scene.shadows_need_hits |= lower_bound(scene, *opacity) < 1;
   }
 }
 

@@ -16,8 +16,8 @@ int finest_level(const Texture& texture, int width, int height);
 
 // Detection of the objects with media that paths must follow, and of those that contain the camera.
 
-// Marks the surfaces that bound media, and has_thin for boundaries that let light pass straight; before the scene's rays can be
-// traced. Varying inputs of interiors have their means.
+// Marks the surfaces that bound media, and shadows_need_hits for boundaries that let light pass straight; before the scene's
+// rays can be traced. Varying inputs of interiors have their means.
 void mark_media_boundaries(Scene& scene);
 // Finds, after that, the objects that contain the camera, and whether any contain lights.
 void find_camera_media(Scene& scene);
@@ -27,7 +27,7 @@ void find_camera_media(Scene& scene);
 // Sets `fallback` of inputs that read a tape, for surfaces that some triangles have; others keep theirs.
 void set_pattern_means(Scene& scene);
 
-// Sets has_inputs, has_emission and has_thin for varying inputs. Called after all images are set.
+// Sets has_inputs, has_emission and shadows_need_hits for varying inputs. Called after all images are set.
 void set_input_features(Scene& scene);
 
 // Mean radiance that a surface emits, for choosing among emitters: a texture's mean texel, a primvar's mean over all shapes.

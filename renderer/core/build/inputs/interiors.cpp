@@ -133,7 +133,7 @@ void mark_media_boundaries(Scene& scene) {
   given.filled = std::move(interiors.filled), given.fog = interiors.fog;
   interiors = std::move(given);
   if (interiors.has_added()) {
-    interiors.followed = scene.has_thin = true;
+    interiors.followed = scene.shadows_need_hits = true;
     if (interiors.has_bounded()) interiors.volume_of.resize(scene.surfaces.rows.size() / kSurfaceFields, -1);
     for (const Volume& v : interiors.volumes) interiors.emits |= has(&v.emission.x, 0);
     interiors.emits |= interiors.fog.emits();
@@ -167,7 +167,7 @@ void mark_media_boundaries(Scene& scene) {
     interiors.bounds_medium[i] = 1, ++boundaries;
     const bool filled = has(open, kOpenExtinction) || (!interiors.emission.empty() && has(&interiors.emission[i].x, 0));
     media |= filled;
-    scene.has_thin |= filled && open[kOpenEta] == 1;
+    scene.shadows_need_hits |= filled && open[kOpenEta] == 1;
   }
   interiors.followed = media || boundaries > 1;
   if (boundaries > 1) join_objects(scene, interiors);

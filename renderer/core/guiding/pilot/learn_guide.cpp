@@ -228,7 +228,7 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
     comparison.plain[0] = std::make_unique<Pilot>(scene, settings, task);
     const Pilot* whole[] = {comparison.plain[0].get()};
     const double error = relative_error(*whole[0], whole, kLeftOut);
-    if (error < kHard) return;
+    if (error < kHard || is_error_of_fibres(*comparison.plain[0])) return;  // hair scatters by its lobes alone
     if (scene.lights.domes.empty()) {
       IntegratorSettings direct = settings;
       direct.max_depth = 1;

@@ -21,7 +21,8 @@ struct Pilot {
 
   Film film{kTile, kTile};
   double rays = 0;
-  std::array<int, kTile * kTile> place{};  // index in the film, in the order in which its pixels are sampled
+  std::array<bool, kTile * kTile> shows_fibres{};  // by index in the film
+  std::array<int, kTile * kTile> place{};          // index in the film, in the order in which its pixels are sampled
 
   // Pilots of different `number` have different pixels and sample points.
   Pilot(const Scene& scene, IntegratorSettings settings, TaskFunction task, int number = 0) {
@@ -34,7 +35,10 @@ struct Pilot {
     const auto worker = std::make_unique<Worker>();
     task(scene, settings, block, *worker, film, nullptr);
     rays = double(film.tile_rays[0]);
-    for (size_t i = 0; i < place.size(); ++i) place[i] = worker->pixel_y[i] * kTile + worker->pixel_x[i];
+    for (size_t i = 0; i < place.size(); ++i) {
+      place[i] = worker->pixel_y[i] * kTile + worker->pixel_x[i];
+      shows_fibres[size_t(place[i])] = worker->shows_fibres[i];
+    }
   }
 
   double mean(int replicate, int pixel, int channel) const {
@@ -42,20 +46,40 @@ struct Pilot {
   }
 };
 
+// Relative squared difference of pixel `p`, summed over channels; R from all pilots.
+inline double pixel_error(const Pilot& pilot, std::span<const Pilot* const> all, int p) {
+  double error = 0;
+  for (int c = 0; c < 3; ++c) {
+    double r = 0;
+    for (const Pilot* other : all) r += (other->mean(0, p, c) + other->mean(1, p, c)) / double(2 * all.size());
+    const double d = pilot.mean(0, p, c) - pilot.mean(1, p, c);
+    error += d * d / (r * r + 0.01);
+  }
+  return error;
+}
+
 // Error of a pilot's image per pixel and channel; R from all pilots. `left_out`: number of pixels with the largest differences
 // that are left out, where a single rare bright path would decide.
 inline double relative_error(const Pilot& pilot, std::span<const Pilot* const> all, int left_out) {
   std::array<double, kTile * kTile> errors{};
-  for (int p = 0; p < kTile * kTile; ++p) {
-    for (int c = 0; c < 3; ++c) {
-      double r = 0;
-      for (const Pilot* other : all) r += (other->mean(0, p, c) + other->mean(1, p, c)) / double(2 * all.size());
-      const double d = pilot.mean(0, p, c) - pilot.mean(1, p, c);
-      errors[size_t(p)] += d * d / (r * r + 0.01);
-    }
-  }
+  for (int p = 0; p < kTile * kTile; ++p) errors[size_t(p)] = pixel_error(pilot, all, p);
   std::sort(errors.begin(), errors.end());
   return std::accumulate(errors.begin(), errors.end() - left_out, 0.0) / (12.0 * double(int(errors.size()) - left_out));
+}
+
+// Share of the error that pixels which show no hair must have for paths to split, or for a guide to be learnt.
+constexpr double kLeastBesideFibres = 0.1;
+
+// Whether nearly all of a pilot's error is in pixels that show hair.
+inline bool is_error_of_fibres(const Pilot& pilot) {
+  const Pilot* const alone[] = {&pilot};
+  double all = 0, beside = 0;
+  for (int p = 0; p < kTile * kTile; ++p) {
+    const double error = pixel_error(pilot, alone, p);
+    all += error;
+    if (!pilot.shows_fibres[size_t(p)]) beside += error;
+  }
+  return beside < kLeastBesideFibres * all;
 }
 
 }  // namespace primray
