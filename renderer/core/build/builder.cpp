@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <string_view>
 #include <unordered_map>
@@ -31,6 +32,9 @@ DistortionModel model_of(std::string_view name) {
     if (known == name) return model;
   throw Error("internal", "unknown distortion model");
 }
+
+// Fewest surfaces with varying inputs or with OpenPBR lobes for which hits are sorted.
+constexpr size_t kLeastSorted = 3;
 
 }  // namespace
 
@@ -369,6 +373,10 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   // Camera rays pass through hidden surfaces as if these were transmissive.
   s.shadows_need_hits |= s.camera_visibility.any();
   set_input_features(s);
+  const size_t surfaces = s.surfaces.rows.size() / kSurfaceFields,
+               costly = s.surface_inputs.size() + s.surfaces.open_pbr.size() / kOpenPbrFields;
+  if (costly >= kLeastSorted && !s.volumes && !s.interiors.has_bounded())
+    s.sort_shift = std::max(int(std::bit_width(surfaces)) - 8, 0);
   mark_media_boundaries(s);
   s.has_thin |= s.shadows_need_hits;
   s.has_emission |= s.geometry_lights.any();

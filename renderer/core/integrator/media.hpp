@@ -107,6 +107,11 @@ struct MediumStateColumns {
     r.origin_distance = load<W>(origin_distance + i), r.volumes = load<W>(volumes + i);
     return r;
   }
+  void reorder(const int32_t* order, int count) {
+    for (int32_t (&column)[kPadded] : surfaces) reorder_column(column, order, count);
+    for (float (&column)[kPadded] : subsurface) reorder_column(column, order, count);
+    reorder_column(origin_distance, order, count), reorder_column(volumes, order, count);
+  }
   // Stores at `i` the lanes that `c` selects.
   template <int W>
   PRIMRAY_INLINE void put(int i, const Compaction<W>& c, const MediumState<W>& r) {

@@ -38,6 +38,7 @@ struct Round {
   int pixels = 0;              // of the block, as the worker lists them
   int next_slot = 0;           // slot of the next camera ray
   int first_camera = 0;        // index in the pool of the first camera ray
+  const bool sorts;            // the pool's paths by the surfaces that they hit, before these are shaded
   bool outlined = false;       // outlines of lights cross some pixels of this tile
   DeepLayers* deep = nullptr;  // of the block's samples; null: no deep picture
 
@@ -50,7 +51,8 @@ struct Round {
         recorder(recorder_),
         needs(path_needs(scene_, settings_)),
         samples(block_.count[0] + block_.count[1]),
-        branches(scene_.has_smooth_glass && !settings_.guide_log) {
+        branches(scene_.has_smooth_glass && !settings_.guide_log),
+        sorts(scene_.sort_shift >= 0) {
     if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
     if (follows_media() && !worker.medium_states) worker.medium_states = std::make_unique<MediumStateStore>(scene.interiors);
     if (follows_media()) worker.medium_states->forget_sets();

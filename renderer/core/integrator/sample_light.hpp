@@ -297,6 +297,10 @@ void sample_lights(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, c
   const int samples = round.settings.light_samples;
   const vbool<W> more = scatters & is_whole(p) & !v.bsdf.mirror;
   if (samples == 1 || !any(more)) return sample_light(round, scatters, v, p);
+  if (round.branches && round.sorts && any(scatters & !more)) {
+    const vbool<W> kinds[2] = {more, scatters & !more};
+    return for_kinds(true, kinds, [&](int, vbool<W> lanes) { sample_lights(round, lanes, v, p); });
+  }
   PathLanes<W> part = split_part(p, more, samples);
   for (int k = 0; k < samples; ++k) {
     number_part(part, p, more, samples, k);

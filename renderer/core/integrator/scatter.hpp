@@ -251,6 +251,11 @@ void scatter_or_split(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v
   const int splits = round.settings.splits;
   const vbool<W> split = scatters & is_whole(p) & !v.bsdf.mirror;
   if (!any(split)) return scatter_once(round, scatters, v, p);
+  if (round.branches && round.sorts && any(scatters & !split)) {
+    // A path of the same sample that does not split may come before or after.
+    const vbool<W> kinds[2] = {split, scatters & !split};
+    return for_kinds(true, kinds, [&](int, vbool<W> lanes) { scatter_or_split(round, lanes, v, p); });
+  }
   PathLanes<W> part = split_part(p, split, splits);
   part.splits = select(split, vfloat<W>(float(splits)), p.splits);
   for (int k = 0; k < splits; ++k) {

@@ -8,6 +8,7 @@
 #include "integrator/nested_media.hpp"
 #include "integrator/place_in_depth.hpp"
 #include "integrator/shade_surface.hpp"
+#include "integrator/sort_hits.hpp"
 
 namespace primray {
 
@@ -123,6 +124,7 @@ template <int W>
 void shade(Round& round) {
   Worker& w = round.worker;
   PathPool& pool = *w.pool;
+  if (round.sorts) sort_hits(round);
   for (int at = 0; at < pool.count; at += W) {
     w.busy_lanes += std::min(W, pool.count - at), w.shaded_lanes += W;
     shade_lanes(round, at, lane_numbers<W>() < vint<W>(pool.count - at));

@@ -259,6 +259,7 @@ struct Scene {
   Fact<built::kThin> has_thin = false;       // something lets light pass straight
   bool shadows_need_hits = false;            // ... other than fibres, whose walls let out what is within them
   bool has_smooth_glass = false;
+  int sort_shift = -1;  // of the numbers of surfaces, by which hits are sorted; -1: they are not sorted
 
   // All geometry, if it consists of triangles alone: few, or many. The world has no Embree scene then (accel/query.hpp).
   FewTriangles few_triangles;

@@ -31,20 +31,27 @@ BODIES: tuple[tuple[dict[str, object], tuple[float, float, float], float], ...] 
 )
 
 
-def bodies() -> Usd.Stage:
+def bodies(cubes: bool = False) -> Usd.Stage:
+    """Meshes are shaded in the order of their surfaces, as they are of so many; spheres are not."""
     stage = Usd.Stage.CreateInMemory()
     for k, (inputs, centre, radius) in enumerate(BODIES):
-        ball = UsdGeom.Sphere.Define(stage, f"/ball{k}")
-        ball.CreateRadiusAttr(radius)
+        ball: UsdGeom.Sphere | UsdGeom.Cube
+        if cubes:
+            ball = UsdGeom.Cube.Define(stage, f"/ball{k}")
+            ball.CreateSizeAttr(2 * radius)
+        else:
+            ball = UsdGeom.Sphere.Define(stage, f"/ball{k}")
+            ball.CreateRadiusAttr(radius)
         ball.AddTranslateOp().Set(Gf.Vec3d(centre))
         wear(ball, f"/m{k}", inputs, "ND_open_pbr_surface_surfaceshader")
     light(stage)
     return stage
 
 
+@pytest.mark.parametrize("cubes", [False, True], ids=["spheres", "cubes"])
 @pytest.mark.parametrize("splits", [1, 4])
-def test_lanes_and_threads_do_not_show(monkeypatch: pytest.MonkeyPatch, splits: int) -> None:
-    stage = bodies()
+def test_lanes_and_threads_do_not_show(monkeypatch: pytest.MonkeyPatch, splits: int, cubes: bool) -> None:
+    stage = bodies(cubes)
     monkeypatch.setattr(CoreScene, "splits", lambda *_: Splits(splits, splits))
     pictures = []
     for lanes, threads in ((1, 1), (4, 2), (0, 1)):

@@ -1,6 +1,8 @@
 // Pool of a thread's paths in flight: structure of arrays, kept dense, so that every lane has a path in every step.
 #pragma once
 
+#include <cstring>
+
 #include "base/integrator_settings.hpp"
 #include "bvh/interleaved.hpp"
 #include "light/tree/linking.hpp"
@@ -54,6 +56,19 @@ struct Compaction {
     store(p, permute(a, from));
   }
 };
+
+// Puts the first `count` values in another order: at i, what was at order[i].
+__attribute__((noinline)) inline void reorder_words(void* column, const int32_t* order, int count) {
+  uint32_t before[kPadded], after[kPadded];
+  std::memcpy(before, column, sizeof(uint32_t) * size_t(count));
+  for (int i = 0; i < count; ++i) after[i] = before[order[i]];
+  std::memcpy(column, after, sizeof(uint32_t) * size_t(count));
+}
+template <class T>
+PRIMRAY_INLINE void reorder_column(T (&column)[kPadded], const int32_t* order, int count) {
+  static_assert(sizeof(T) == sizeof(uint32_t));
+  reorder_words(column, order, count);
+}
 
 // Path state between two vertices: the ray, and what the next vertex needs.
 struct PathPool {
@@ -149,6 +164,21 @@ struct PathPool {
     c.append(slot + at, p.slot), c.append(depth + at, p.depth), c.append(vertex + at, p.vertex);
     c.append(reversed_index + at, p.sampler.reversed_index), c.append(seed + at, p.sampler.seed);
     count += c.count;
+  }
+  // Puts the paths and their hits in another order: at i, what was at order[i].
+  void reorder(const int32_t* order, PathNeeds needs) {
+    const auto move = [&](auto&... columns) { (reorder_column(columns, order, count), ...); };
+    move(ox, oy, oz, dx, dy, dz, tnear, tfar, beta_r, beta_g, beta_b, bsdf_pdf, slot, reversed_index, seed, depth, vertex,
+         splits);
+    if (needs.travelled) move(travelled);
+    if (needs.cones) move(cone_width, cone_spread);
+    if (needs.diffuse_shares) move(diffuse_share_r, diffuse_share_g, diffuse_share_b);
+    if (needs.time) move(time);
+    if (needs.normals) move(nx, ny, nz);
+    if (needs.first_received) move(first_received);
+    if (needs.links) move(link);
+    if (needs.lpe) move(lpe_diffuse, lpe_other);
+    move(t, ngx, ngy, ngz, u, v, prim, geom, inst, inst_prim);
   }
   template <int W>
   PRIMRAY_INLINE Hits<W> hits(int at) const {
