@@ -130,8 +130,7 @@ Splits choose_splits(const Scene& scene, const IntegratorSettings& settings, Tas
     return std::make_unique<Pilot>(scene, chosen, task);
   };
   // Where hair is what is hard, most of a path's rays are behind its first vertex, and most of the error is which strand it is
-  // on and where. Splits could gain 1.3 at most, and pilots do not see so little: of furs under a sky and under lamps they say
-  // 4 and 2, and lose 1.3 and 1.4.
+  // on and where. Splits could gain 1.3 at most, and pilots do not see so little.
   if (!scene.surfaces.hair.empty()) {
     std::thread([&] { set_float_mode(), pilots[0] = pilot(kSplits[0], 1); }).join();
     if (is_error_of_fibres(*pilots[0])) return {};
