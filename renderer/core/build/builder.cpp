@@ -33,8 +33,8 @@ DistortionModel model_of(std::string_view name) {
   throw Error("internal", "unknown distortion model");
 }
 
-// Fewest surfaces with varying inputs or with OpenPBR lobes for which hits are sorted.
-constexpr size_t kLeastSorted = 3;
+// Fewest surfaces for which hits are sorted, of whatever kind: an input that is connected to a constant must not change bits.
+constexpr size_t kLeastSorted = 6;
 
 }  // namespace
 
@@ -368,14 +368,17 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     s.has_emission |= (flags & kEmits) != 0;
     s.shadows_need_hits |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1;
     s.has_thin |= (flags & kHair) != 0;
-    s.has_smooth_glass |= (flags & kPreview) && row[kTransmission] > 0 && row[kAlpha] == 0;
   }
   // Camera rays pass through hidden surfaces as if these were transmissive.
   s.shadows_need_hits |= s.camera_visibility.any();
   set_input_features(s);
-  const size_t surfaces = s.surfaces.rows.size() / kSurfaceFields,
-               costly = s.surface_inputs.size() + s.surfaces.open_pbr.size() / kOpenPbrFields;
-  if (costly >= kLeastSorted && !s.volumes && !s.interiors.has_bounded())
+  const size_t surfaces = s.surfaces.rows.size() / kSurfaceFields;
+  for (size_t i = 0; i < surfaces; ++i) {
+    float row[kSurfaceFields];
+    average_row(s, int32_t(i), row);
+    s.has_smooth_glass |= (int_at(row, kFlags) & kPreview) && row[kTransmission] > 0 && row[kAlpha] == 0;
+  }
+  if (surfaces >= kLeastSorted && !s.volumes && !s.interiors.has_bounded())
     s.sort_shift = std::max(int(std::bit_width(surfaces)) - 8, 0);
   mark_media_boundaries(s);
   s.has_thin |= s.shadows_need_hits;
