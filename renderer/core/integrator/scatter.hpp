@@ -278,7 +278,8 @@ PRIMRAY_RARE void scatter_both(Round& round, vbool<W> both, const Vertex<W, Lobe
     const LobeRange<W> range{select(mirrors, F(0.0f), reflected), select(mirrors, reflected * 0x1.fffffep-1f, passed)};
     PathLanes<W> part = p;
     part.beta = p.beta * share;
-    part.splits = F(less ? 1.0f : kBranched);
+    // Roulette counts it as a part of that share: lossless glass in a white sky stays white in each sample.
+    part.splits = less ? one / share : F(kBranched);
     if (less) part.sampler.reversed_index = p.sampler.reversed_index ^ vuint<W>(1u);  // far on in the same sequence
     scatter_once(round, both, v, part, &range);
   }

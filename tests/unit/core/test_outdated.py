@@ -14,8 +14,8 @@ from primray.core.inputs import filled
 
 @pytest.fixture
 def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The core's sources, which are as old as the compiled core: the path of one of them."""
-    built = Path(str(native.module().__file__)).stat().st_mtime
+    """The core's sources, a second older than the compiled core: the path of one of them."""
+    built = Path(str(native.module().__file__)).stat().st_mtime - 1
     package = tmp_path / "renderer/primray/core"
     package.mkdir(parents=True)
     source = tmp_path / "renderer/core/scene/fog.hpp"

@@ -20,7 +20,7 @@ from primray.images.image import Image
 from primray.report.report import Costs
 from primray.settings import RenderSettings
 
-TARGET = 0.002
+TARGET = 0.0021
 
 
 class FakeExecutor:
