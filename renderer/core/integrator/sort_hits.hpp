@@ -1,4 +1,4 @@
-// Order of a pool's paths before they are shaded: by surface, where many have varying inputs or OpenPBR lobes. A packet
+// Order of a pool's paths before they are shaded: by surface, in scenes of six surfaces or more. A packet
 // evaluates the inputs of each surface that it holds in a pass of its own (surface/evaluate_inputs.hpp), and each lobe that one
 // of them has.
 //

@@ -65,6 +65,7 @@ PRIMRAY_RARE void continue_straight(Round& round, vbool<W> lanes, const PathLane
 // before they have followed both directions of smooth glass, and after it.
 constexpr float kUnbranched = 0, kBranched = -1;
 
+// Returns the lanes whose path has one of these numbers.
 template <int W>
 PRIMRAY_INLINE vbool<W> is_whole(const PathLanes<W>& p) {
   return p.splits <= vfloat<W>(kUnbranched);
