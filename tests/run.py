@@ -9,6 +9,7 @@ how far each group is; its output is in build/tests/GROUP.log, and is shown wher
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
@@ -28,12 +29,13 @@ EVERY_S = 30.0  # between two lines on how far the groups are
 @dataclass(frozen=True)
 class Group:
     """Tests of one pytest: `paths` without those `left_out`, in one process, or by `workers` that take whole files, whose tests
-    share servers, in their order."""
+    share servers, in their order. `nice` is added to its CPU priority number."""
 
     name: str
     paths: tuple[str, ...]
     left_out: tuple[str, ...] = ()
     workers: int = 0
+    nice: int = 0
 
     def command(self, arguments: list[str]) -> list[str]:
         side_by_side = ["-n", str(self.workers), "--dist", "loadfile", "--no-loadscope-reorder"] if self.workers else []
@@ -41,10 +43,13 @@ class Group:
         return [sys.executable, "-m", "pytest", *side_by_side, *ignored, *arguments, *self.paths]
 
 
+# Servers, their clients and clusters wait for each other, and give up after a time: what computes goes after them, and shares
+# the cores evenly with the workers of servers, which are as nice.
+COMPUTES = 10
 OF_PROCESSES = ("tests/images/notebooks", "tests/images/parts")
-UNITS = Group("units", ("tests/unit", "tests/translation", "tests/properties", "tests/docs"))
-PICTURES = Group("pictures", ("tests/kernels", "tests/images"), left_out=OF_PROCESSES)
-CASES = Group("cases", ("tests/hard", "tests/statistics", "tests/reference", "tests/bench", "tests/deploy"))
+UNITS = Group("units", ("tests/unit", "tests/translation", "tests/properties", "tests/docs"), nice=COMPUTES)
+PICTURES = Group("pictures", ("tests/kernels", "tests/images"), left_out=OF_PROCESSES, nice=COMPUTES)
+CASES = Group("cases", ("tests/hard", "tests/statistics", "tests/reference", "tests/bench", "tests/deploy"), nice=COMPUTES)
 # Several clusters at once starve each other: these tests share one.
 OF_CLUSTERS = ("tests/service/executor/ray", "tests/service/farm")
 CLUSTERS = Group("clusters", OF_CLUSTERS)
@@ -65,14 +70,14 @@ class Run:
         self.began = time.monotonic()
         self.took_s = 0.0
         with self.log.open("wb") as output:
-            # Some tests press Ctrl-C, which a shell lets processes in its background ignore.
             self.process = subprocess.Popen(
-                group.command(arguments),
-                cwd=ROOT,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+                group.command(arguments), cwd=ROOT, stdout=output, stderr=subprocess.STDOUT, preexec_fn=self._begin
             )
+
+    def _begin(self) -> None:
+        """Run in the group's process before pytest."""
+        os.nice(self.group.nice)
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # some tests press Ctrl-C, which a shell lets its background ignore
 
     def has_ended(self) -> bool:
         if self.process.poll() is None:
