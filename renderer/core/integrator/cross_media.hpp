@@ -3,6 +3,7 @@
 // below opaque surfaces take hundreds of such steps, each of which costs only a ray and a new direction.
 #pragma once
 
+#include "integrator/end_rays.hpp"
 #include "integrator/log_vertex.hpp"
 #include "integrator/lpe_light.hpp"
 #include "integrator/media.hpp"
@@ -230,21 +231,23 @@ PRIMRAY_RARE void choose_phase(const Round& round, vbool<W> scatters, vint<W> ro
 
 // Advances the packet of paths at `at` of the pool through their medium; returns the lanes that are shaded next.
 template <int W>
-PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vbool<W> in_medium, const RayMedium<W>& medium,
+PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vbool<W> in_medium, RayMedium<W>& medium,
                                      const MediumState<W>& state, const Hits<W>& hits, PathLanes<W>& p) {
   using F = vfloat<W>;
   const Scene& scene = round.scene;
   const vbool<W> hit = active & (hits.geom != vint<W>(-1));
+  const vbool<W> ended = in_medium & ends_at_collision(scene, state, medium, p.depth), stopped = hit | ended;
+  if (any(ended)) medium.end_at_collisions(ended, p.beta);
   F end = select(hit, hits.t, kInfinity);
   vbool<W> stays = active;
 
   // Add lights that the rays hit in the medium
   vvec3<W> gathered(F(0.0f));
   const LightHits<W> light_hits =
-      intersect_lights(scene.lights, in_medium, hit, p, hits.t, gathered, &medium, state.origin_distance);
+      intersect_lights(scene.lights, in_medium, stopped, p, hits.t, gathered, &medium, state.origin_distance);
   if constexpr (W == 1) {
     if (PathLog* const log = path_log<W>(round)) {
-      log_light_hits(*log, round, in_medium, p, hits, hit, &medium, state.origin_distance);
+      log_light_hits(*log, round, in_medium, p, hits, stopped, &medium, state.origin_distance);
       log->add("gathered", p).put("radiance", gathered * radiance_scale(scene, state.stack));
     }
   }
@@ -252,9 +255,10 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
   if (round.deep) place_events(round, covered, light_hits.nearest, false, p);
   add_to_slots(round, in_medium, sum_of(round, p.slot, p.depth), p.beta * gathered * radiance_scale(scene, state.stack));
   if (round.needs.lpe) {
-    record_light_hits(round, in_medium, p, hits, hit, ListenerMedium<W>{&medium, state.origin_distance});
+    record_light_hits(round, in_medium, p, hits, stopped, ListenerMedium<W>{&medium, state.origin_distance});
     add_recorded(round, p, p.beta * radiance_scale(scene, state.stack));
   }
+  p.ray.tfar = select(ended, F(kInfinity), p.ray.tfar);
 
   // End paths at lights that they see as bodies
   end = select(covered, light_hits.nearest, end);
@@ -279,8 +283,8 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
     return stays;
   }
 
-  // Sample the distance to the next scattering event; these sample dimensions are used by camera rays only
-  const Pair<W> u = p.sampler.pair(p.vertex + vint<W>(1), Purpose::kLens);
+  // Sample the distance to the next scattering event
+  const Pair<W> u = distance_numbers(p.sampler, p.vertex);
   const DistanceSample<W> step = sample_distance(medium, p.beta, end, u.u, u.v);
   p.beta = select(may_scatter, step.beta, p.beta);
   const vbool<W> collides = may_scatter & step.scatters, scatters = collides | in_fog;
@@ -341,7 +345,7 @@ PRIMRAY_RARE void cross_media(Round& round) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(count - at);
     MediumState<W> state = states.at<W>(at);
     if (round.scene.interiors.has_bounded()) enter_missed_volumes(round, at, active, state);
-    const RayMedium<W> medium = medium_at(round, at, state);
+    RayMedium<W> medium = medium_at(round, at, state);
     const vbool<W> in_medium = active & medium.exists();
     if (!any(in_medium) && staying == at) {
       staying += std::min(W, count - at);

@@ -47,6 +47,7 @@ void run_rounds(Round& round, int slots) {
     if (round.settings.guide_log) ++round.settings.guide_log->round;
     refill<W>(round, slots);
     if (round.worker.pool->count == 0) break;
+    if (round.follows_media()) end_rays<W>(round);
     trace<W>(round);
     clear_queues<W>(round);
     if (round.samples_along_rays()) sample_along_rays<W>(round);

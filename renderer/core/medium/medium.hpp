@@ -37,17 +37,23 @@ struct DistanceSample {
   vvec3<W> beta;  // throughput of the path from there on
 };
 
-// Samples the distance by `u` and `channel` in [0, 1), for paths with throughput `beta`.
+// Draws the distance of a collision by `u` and `channel` in [0, 1), for paths with throughput `beta`.
+template <int W>
+PRIMRAY_INLINE vfloat<W> draw_distance(const Medium<W>& medium, const vvec3<W>& beta, vfloat<W> u, vfloat<W> channel) {
+  const vfloat<W> x = channel * (beta.x + beta.y + beta.z);
+  const vvec3<W>& e = medium.extinction;
+  const vfloat<W> rate = select(x < beta.x, e.x, select(x < beta.x + beta.y, e.y, e.z));
+  // -ln(1 - u) / rate.
+  return -0.693147181f * log2_cosine(1.0f - u, u * (2.0f - u)) / max(rate, 1e-30f);
+}
+
 template <int W>
 PRIMRAY_INLINE DistanceSample<W> sample_distance(const Medium<W>& medium, const vvec3<W>& beta, vfloat<W> end, vfloat<W> u,
                                                  vfloat<W> channel) {
   using F = vfloat<W>;
   using V = vvec3<W>;
-  const F sum = beta.x + beta.y + beta.z, scale = 1.0f / max(sum, 1e-30f), x = channel * sum;
+  const F scale = 1.0f / max(beta.x + beta.y + beta.z, 1e-30f), t = draw_distance(medium, beta, u, channel);
   const V& e = medium.extinction;
-  const F rate = select(x < beta.x, e.x, select(x < beta.x + beta.y, e.y, e.z));
-  // -ln(1 - u) / rate.
-  const F t = -0.693147181f * log2_cosine(1.0f - u, u * (2.0f - u)) / max(rate, 1e-30f);
   DistanceSample<W> s;
   s.scatters = t < min(end, kEndless);
   s.t = select(s.scatters, t, end);

@@ -24,7 +24,9 @@ struct RayMedium : Medium<W> {
   vvec3<W> emission{vfloat<W>(0.0f)};  // radiance per length, without the fog's
   FogAlong<W> fog;
   vint<W> row{0};  // of volumes in VolumeSets, where any contain the ray
-  bool any_emission = false, any_fog = false, any_volumes = false;
+  bool any_emission = false, any_fog = false, any_volumes = false, any_ended = false;
+  vbool<W> ended{false};  // lanes whose rays end where they collide (integrator/end_rays.hpp)
+  vvec3<W> drawn_by;      // and the throughput of their paths
 
   RayMedium() = default;
   PRIMRAY_INLINE explicit RayMedium(const Medium<W>& m) : Medium<W>(m) {}
@@ -40,6 +42,7 @@ struct RayMedium : Medium<W> {
     row = select(m, at, row), any_volumes = true;
   }
   void add(const FogAlong<W>& along, const Fog&) { fog = along, any_fog = true; }
+  PRIMRAY_INLINE void end_at_collisions(vbool<W> m, const vvec3<W>& beta) { ended = m, drawn_by = beta, any_ended = true; }
 
   PRIMRAY_INLINE vbool<W> exists() const {
     vbool<W> r = Medium<W>::exists();
@@ -47,8 +50,14 @@ struct RayMedium : Medium<W> {
     if (any_fog) r |= fog.lanes;
     return r;
   }
+  // Transmittance over distance `t`; along rays that end where they collide, divided by the probability with which they are as
+  // long as that.
   PRIMRAY_INLINE vvec3<W> transmittance(vfloat<W> t) const {
-    const vvec3<W> r = Medium<W>::transmittance(t);
+    vvec3<W> r = Medium<W>::transmittance(t);
+    if (any_ended) {
+      const vfloat<W> sum = drawn_by.x + drawn_by.y + drawn_by.z;
+      r = select(ended, r * (sum / max(dot(drawn_by, r), 1e-30f)), r);
+    }
     return any_fog ? r * fog.transmittance(t) : r;
   }
 };

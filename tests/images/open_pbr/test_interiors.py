@@ -187,6 +187,19 @@ def test_all_light_of_a_lamp_comes_out_of_what_loses_none(surface: Inputs) -> No
     np.testing.assert_allclose(found, math.pi * 0.5**2 * 100 / 14**2, rtol=2e-2)
 
 
+def test_a_lamp_below_a_surface_is_seen_through_what_is_above_it() -> None:
+    """Where two channels do not scatter, by Beer's law along the rays of a white Lambert surface that meet the lamp."""
+    lamp = 'def SphereLight "lamp" { float inputs:radius = 2\n    float inputs:intensity = 1\n}\n'
+    inputs = {"specular_weight": 0.0, "subsurface_weight": 1.0, "subsurface_color": (0.0, 0.0, 0.3), "subsurface_radius": 4.0}
+    wax = material("m", {**inputs, "subsurface_radius_scale": (1.0, 0.3, 0.6)})
+    x, w = np.polynomial.legendre.leggauss(200)
+    widest = math.asin(2 / 5)
+    t, w = (x + 1) / 2 * widest, w / 2 * widest
+    way = 5 * np.cos(t) - np.sqrt(4 - np.square(5 * np.sin(t)))
+    expected = [float(2 * (w * np.exp(-way / path) * np.cos(t) * np.sin(t)).sum()) for path in (4.0, 1.2)]
+    np.testing.assert_allclose(seen(ball(5.0), wax, lamp, spp=8192, aperture=0.1)[:2], expected, rtol=1.5e-2)
+
+
 @pytest.mark.parametrize("g", [0.0, 0.7])
 def test_subsurface_has_its_colour_whatever_its_phase(g: float) -> None:
     inputs = {"specular_weight": 0.0, "subsurface_weight": 1.0, "subsurface_color": (0.2, 0.5, 0.8), "subsurface_radius": 0.1}
