@@ -1,6 +1,9 @@
 // Python binding of render_pass(), of recorded rays, and of the guide for caustics. The GIL is released while threads render;
 // signals are checked and progress is reported in between.
 
+#include <algorithm>
+#include <string_view>
+
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
@@ -128,12 +131,34 @@ void record(Recording* self, const Scene& scene, int samples, const IntegratorSe
   render_pass(scene, settings, lanes, ends, film, {}, &self->rays);
 }
 
+using namespace std::string_view_literals;
+
 using Events = nb::typed<nb::list, nb::typed<nb::dict, nb::str, nb::any>>;
 
-// Returns the events of a log: dictionaries of numbers, tuples of three numbers, and texts.
-Events events_of(const PathLog& log) {
+bool is_of_all(const PathLog::Event& event) { return event.kind == "sample"sv || event.kind == "camera"sv; }
+
+// Whether each sample of a log is among the `count` that are brightest in any channel.
+std::vector<uint8_t> are_brightest(const PathLog& log, int count) {
+  std::vector<std::pair<double, int>> values;
+  for (const PathLog::Event& event : log.events) {
+    if (event.kind != "sample"sv) continue;
+    const double (&v)[3] = event.values.front().v;
+    values.emplace_back(-std::max({v[0], v[1], v[2]}), event.sample);
+  }
+  const size_t kept = std::min(size_t(count), values.size());
+  std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(kept), values.end());
+  std::vector<uint8_t> found(values.size());
+  for (size_t i = 0; i < kept; ++i) found[size_t(values[i].second)] = 1;
+  return found;
+}
+
+// Returns the events of a log: dictionaries of numbers, tuples of three numbers, and texts. Of samples that are not among the
+// `brightest` ones, only their camera rays and their values.
+Events events_of(const PathLog& log, int brightest) {
+  const std::vector<uint8_t> bright = are_brightest(log, brightest);
   Events events;
   for (const PathLog::Event& event : log.events) {
+    if (!bright[size_t(event.sample)] && !is_of_all(event)) continue;
     nb::dict e;
     e["kind"] = event.kind, e["sample"] = event.sample, e["part"] = event.part, e["vertex"] = event.vertex;
     e["depth"] = event.depth;
@@ -151,13 +176,13 @@ Events events_of(const PathLog& log) {
 
 // `first`, `end`: indices of the samples of both replicates.
 Events log_of_pixel(const Scene& scene, const IntegratorSettings& settings, int x, int y, std::pair<uint32_t, uint32_t> first,
-                    std::pair<uint32_t, uint32_t> end) {
+                    std::pair<uint32_t, uint32_t> end, int brightest) {
   PathLog log;
   {
     const nb::gil_scoped_release release;
     log_pixel(scene, settings, x, y, {{first.first, end.first}, {first.second, end.second}}, log);
   }
-  return events_of(log);
+  return events_of(log, brightest);
 }
 
 // Shape of an emissive geometry's light row, numbered as in the plane "prim" of
@@ -215,7 +240,7 @@ void bind_render(nb::module_& m) {
   m.def("render_pass", &pass, nb::arg("scene"), nb::arg("film"), nb::arg("ends"), nb::arg("settings"), nb::arg("lanes"),
         nb::arg("progress").none() = nb::none());
   m.def("log_pixel", &log_of_pixel, nb::arg("scene"), nb::arg("settings"), nb::arg("x"), nb::arg("y"), nb::arg("first"),
-        nb::arg("end"));
+        nb::arg("end"), nb::arg("brightest"));
   m.def("shape_of_light", &shape_of_light, nb::arg("scene"), nb::arg("light"));
   nb::class_<Guide>(m, "Guide")
       .def_prop_ro("regions", [](const Guide& g) { return g.cdf.size() / (Guide::kBins + 1); })

@@ -348,7 +348,7 @@ def _error_line(report: dict[str, Any]) -> str:
         what = "target" if report["settings"]["stop_at"] == "picture" else "target of the denoised picture"
         met = "reached" if report["stop"]["target_met"] else "NOT reached"
         line += f", {what} {target:g} {met}"
-    from ..report.picture_checks import why_it_continued
+    from ..report.vague_error import why_it_continued
 
     explained = [report["error_ruled_by"]["message"]] if "error_ruled_by" in report else []
     explained += [why] if (why := why_it_continued(report)) else []

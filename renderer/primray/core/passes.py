@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Floats
-from ..settings import RenderSettings
+from ..settings import MAX_SPP, RenderSettings
 from . import compiled
-from .film import TILE, Film, samples_of_replicates, uniform_ends
+from .film import TILE, Film, uniform_ends
 from .inputs import integrator_settings
 from .native import lanes, raise_primray_error, threads
 from .scene import CoreScene, Splits
@@ -76,12 +76,24 @@ def _pass_settings(scene: CoreScene, settings: RenderSettings, splits: Splits) -
 
 
 def log_pixel(
-    scene: CoreScene, x: int, y: int, samples: tuple[int, int], splits: Splits, settings: RenderSettings
+    scene: CoreScene,
+    x: int,
+    y: int,
+    spans: Sequence[tuple[int, int]],
+    splits: Splits,
+    settings: RenderSettings,
+    brightest: int = MAX_SPP,
 ) -> list[dict[str, Any]]:
-    """Return the events of the samples [first, end) of the pixel at (x, y) of the frame (integrator/path_log.hpp)."""
-    first, end = (samples_of_replicates(number) for number in samples)
+    """Return the events of samples of the pixel at (x, y) of the frame (integrator/path_log.hpp).
+
+    `spans`: of each replicate, the first index and the one after the last. Samples beyond the `brightest` have only their
+    first and their last event.
+    """
+    first, end = ((spans[0][k], spans[1][k]) for k in (0, 1))
     try:
-        return compiled.log_pixel(scene._scene, _pass_settings(scene, settings, splits), x=x, y=y, first=first, end=end)
+        return compiled.log_pixel(
+            scene._scene, _pass_settings(scene, settings, splits), x=x, y=y, first=first, end=end, brightest=brightest
+        )
     except compiled.CoreError as error:
         raise_primray_error(error)
 

@@ -99,7 +99,9 @@ def debug_pixel(
             f"the frame has {width} x {height} pixels, and none at {x} {y}", where="debug_pixel", code="debug-pixel"
         )
     splits = core.choose_splits(scene, settings)
-    events = core.log_pixel(scene, x, y, _samples_of(settings), splits, settings)
+    first, end = (core.samples_of_replicates(number) for number in _samples_of(settings))
+    spans = tuple(zip(first, end, strict=True))
+    events = core.log_pixel(scene, x, y, spans, splits, settings)
     samples = tuple(_by_sample(_named_events(scene, events, splits)))
     name = os.fspath(stage) if isinstance(stage, str | os.PathLike) else usd.stage_name(opened.stage)
     valid = [sample for sample in samples if all(np.isfinite(sample["value"]))]

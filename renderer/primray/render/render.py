@@ -224,8 +224,9 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     """Return the image of a render that has ended, with its report; diagnostics of sampling are added to `diagnostics`."""
     from ..diagnostics import kept_without
     from ..images.image import Foreground, Image, pixels_sha256
-    from ..report.picture_checks import is_bare, is_empty, what_rules, why_empty
+    from ..report.picture_checks import is_bare, is_empty, why_empty
     from ..report.report import header_of, make_report, subject_of
+    from ..report.vague_error import what_rules
 
     film, failed = sampling.film, (costs.checkpoint or {}).get("failed")
     if failed:
@@ -247,7 +248,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     report = make_report(sampling, costs, prepared.counts, as_json, core_facts(prepared.scene), pixels_sha256(pixels), space)
     metadata = header_of(report) | subject_of(prepared.stage, prepared.camera)
     with kept_without("the main cause of the error", diagnostics):
-        rules = what_rules(prepared, report, rendered, errors)
+        rules = what_rules(prepared, sampling, report, rendered, errors)
         report |= {"error_ruled_by": rules} if rules is not None else {}
     report["stage_settings"] = prepared.asked.as_json()
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}

@@ -1,0 +1,265 @@
+"""Which paths rule an error that is hardly known: their light, the prims that they meet, and what an error takes without them.
+
+Some pixels are drawn by their share of the error, and all of their samples are rendered once more, with a log of their paths
+(integrator/path_log.hpp): the same samples, so that the paths which made the picture's bright pixels are found themselves.
+
+Paths are told apart by their light and their light path expression, in which vertices of one kind in a row are one:
+"C<.S>+<.D>+L". A kind of path has that share of a pixel's error which the squares of its contributions have among all there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .. import core
+from ..arrays import Doubles
+from ..color.color_space import luminance_weights
+
+if TYPE_CHECKING:
+    from ..core import CoreScene
+    from ..sampling.sampling import Sampling
+
+
+MOST_PIXELS, FEWEST_PIXELS, MOST_SAMPLES = 64, 2, 8192
+BRIGHTEST = 16  # samples of a pixel whose paths are told apart
+LARGE = 0.1  # share of the error from which a kind of path is told
+MOST_TOLD = 3
+DIFFUSE = ("diffuse", "behind", "fuzz", "subsurface")
+ASIDE = 1 << 31  # in the number of a path that takes the less likely way at smooth glass, beside the one that takes the other
+SAME = 1e-3  # relative difference of a pixel's mean and that of the logged samples up to which these are the pixel's
+
+Event = Mapping[str, Any]
+Kind = tuple[str, str]  # a light path expression, the light's path
+
+
+@dataclass(frozen=True)
+class RarePath:
+    """A kind of path, with its share of the error."""
+
+    expression: str
+    light: str
+    share: float
+    prims: tuple[str, ...]  # that its brightest path meets, from the camera on
+    seen: str  # its brightest path in words
+
+    def as_json(self) -> dict[str, Any]:
+        return {"path": self.expression, "light": self.light, "share": self.share, "prims": list(self.prims)}
+
+
+@dataclass(frozen=True)
+class RarePaths:
+    """The kinds of path that rule an error, the largest share first."""
+
+    paths: tuple[RarePath, ...]
+    without: float  # ratio of the error without all of them to the error
+
+    @property
+    def share(self) -> float:
+        return sum(path.share for path in self.paths)
+
+
+def find_rare_paths(scene: CoreScene, sampling: Sampling, part: Doubles) -> RarePaths | None:
+    """Return the kinds of path that rule the error, of which each pixel has a `part` (H, W); None where no kind is large."""
+    shares: defaultdict[Kind, float] = defaultdict(float)
+    brightest: dict[Kind, tuple[float, Sequence[Vertex]]] = {}
+    pixels = [pixel for pixel in (_Pixel.log(scene, sampling, x, y) for x, y in _drawn(sampling, part)) if pixel is not None]
+    for pixel in pixels:
+        squares = {kind: float((values**2).sum()) for kind, values in pixel.kinds.items()}
+        total = sum(squares.values()) + float((pixel.rest**2).sum())
+        for kind, square in squares.items():
+            shares[kind] += square / total / len(pixels) if total > 0 else 0.0
+            if square > 0 and pixel.brightest[kind][0] > brightest.get(kind, (0.0, ()))[0]:
+                brightest[kind] = pixel.brightest[kind]
+    largest = sorted((kind for kind in shares if shares[kind] >= LARGE), key=lambda kind: -shares[kind])[:MOST_TOLD]
+    if not largest:
+        return None
+    without = float(np.mean([pixel.without(largest) for pixel in pixels]))
+    told = (_told(kind, shares[kind], brightest[kind][1]) for kind in largest)
+    return RarePaths(tuple(told), without)
+
+
+def _drawn(sampling: Sampling, part: Doubles) -> Iterator[tuple[int, int]]:
+    """Yield pixels (x, y) at even steps of the error, ordered by their part: each is drawn by it, the worst for certain."""
+    samples = max(sampling.film.samples / part.size, 1.0)
+    count = min(max(int(MOST_SAMPLES / samples), FEWEST_PIXELS), MOST_PIXELS)
+    order = np.argsort(-part, axis=None, kind="stable")
+    sums = np.cumsum(part.ravel()[order])
+    for at in np.searchsorted(sums, (np.arange(count) + 0.5) / count * sums[-1]).tolist():
+        y, x = divmod(int(order[min(at, part.size - 1)]), part.shape[1])
+        yield x, y
+
+
+@dataclass(frozen=True)
+class Vertex:
+    """A vertex of a path: "D", "G", "S" or "V", as in light path expressions, and the prim that is there."""
+
+    letter: str
+    prim: str
+    transmits: bool = False
+
+
+@dataclass
+class _Pixel:
+    """What each kind of path adds to the N samples of a pixel, in luminance."""
+
+    replicates: npt.NDArray[np.int64]  # (N,) of the samples
+    rest: Doubles  # (N,) of samples whose paths are not told apart
+    kinds: dict[Kind, Doubles] = field(default_factory=dict)  # (N,)
+    brightest: dict[Kind, tuple[float, Sequence[Vertex]]] = field(default_factory=dict)
+
+    @classmethod
+    def log(cls, scene: CoreScene, sampling: Sampling, x: int, y: int) -> _Pixel | None:
+        """Return the pixel at column `x` and row `y`; None where its samples can't be repeated."""
+        film = sampling.film
+        counts = film.counts[:, y, x].astype(int)
+        ends = film.next[:, y // core.TILE * film.tiles[0] + x // core.TILE].astype(int)
+        spans = tuple((int(end - count), int(end)) for end, count in zip(ends, counts, strict=True))
+        events = core.log_pixel(scene, x, y, spans, sampling.splits, sampling.settings, BRIGHTEST)
+        by_sample: defaultdict[int, list[Event]] = defaultdict(list)
+        for event in events:
+            by_sample[event["sample"]].append(event)
+        samples = [by_sample[number] for number in sorted(by_sample)]
+        mean = np.mean([sample[-1]["value"] for sample in samples], axis=0) if samples else np.zeros(3)
+        kept = film.replicates[:, y, x, :3].sum(axis=0) / max(int(counts.sum()), 1)
+        if not np.allclose(mean, kept, rtol=SAME, atol=1e-12) or len(samples) != counts.sum():
+            return None
+        weights = np.array(luminance_weights(scene.rendering_space)) * scene.exposure_scale
+        cameras = [next(event for event in sample if event["kind"] == "camera") for sample in samples]
+        pixel = cls(np.array([camera["replicate"] for camera in cameras], np.int64), np.zeros(len(samples)))
+        for number, sample in enumerate(samples):
+            if len(sample) == 2:  # the camera ray and the value alone
+                pixel.rest[number] = float(np.dot(weights, sample[-1]["value"]))
+            for kind, vertices, light in _contributions(scene, sample, cameras[number]["part"] & ~ASIDE):
+                value = float(np.dot(weights, light))
+                pixel.kinds.setdefault(kind, np.zeros(len(samples)))[number] += value
+                if value > pixel.brightest.get(kind, (-math.inf, ()))[0]:
+                    pixel.brightest[kind] = value, vertices
+        return pixel
+
+    def without(self, kinds: Iterable[Kind]) -> float:
+        """Return the ratio of the squared difference of the replicates without paths of some kinds to that with them."""
+        every = sum(self.kinds.values(), self.rest)
+        left = every - sum(self.kinds.get(kind, np.zeros(len(every))) for kind in kinds)
+        squares = [self._difference(values) ** 2 for values in (left, every)]
+        return min(squares[0] / squares[1], 1.0) if squares[1] > 0 else 1.0
+
+    def _difference(self, values: Doubles) -> float:
+        return float(values[self.replicates == 0].mean() - values[self.replicates == 1].mean())
+
+
+def _contributions(scene: CoreScene, events: Sequence[Event], number: int) -> Iterator[tuple[Kind, Sequence[Vertex], Any]]:
+    """Yield the kind, the vertices and the light of each contribution to a sample, whose first path has the `number`."""
+    for at, event in enumerate(events):
+        if "contribution" not in event or event["kind"] == "sample":
+            continue
+        before = [e for e in events[: at + 1] if e["vertex"] <= event["vertex"] and _leads_to(e["part"], event["part"], number)]
+        vertices = _vertices(scene, before, event)
+        light = _light(scene, before, event)
+        runs = [letter for k, letter in enumerate(v.letter for v in vertices) if k == 0 or letter != vertices[k - 1].letter]
+        way = "".join("V+" if letter == "V" else f"<.{letter}>+" for letter in runs)
+        yield (f"C{way}{'L' if light[1] else 'O'}", light[0]), vertices, event["contribution"]
+
+
+def _leads_to(part: int, to: int, first: int) -> bool:
+    """Return whether events of the path `part` belong to the past of the path `to` of a sample whose first path is `first`."""
+    return part in (to, to & ~ASIDE) or part & ~ASIDE == first
+
+
+def _vertices(scene: CoreScene, events: Sequence[Event], last: Event) -> list[Vertex]:
+    """Return the vertices that a path was scattered at before its contribution, which the event `last` made."""
+    by_vertex: defaultdict[int, dict[str, Event]] = defaultdict(dict)
+    for event in events:
+        of_own = event["part"] == last["part"]
+        if of_own or event["kind"] not in by_vertex[event["vertex"]]:
+            by_vertex[event["vertex"]][event["kind"]] = event
+    assert scene.uploaded is not None
+    rows, found = scene.uploaded.shape_rows, []
+    for number in sorted(by_vertex):
+        here = by_vertex[number]
+        ends_here = number == last["vertex"]
+        if ends_here and last["kind"] not in ("light sample", "dome ray", "outline ray"):
+            continue
+        lobes, scatter = here.get("lobes"), None if ends_here else here.get("scatter")
+        if lobes is None or (scatter is not None and scatter.get("straight", 0) > 0):
+            continue
+        prim = rows.path_of(int(here["hit"]["shape"])) if "hit" in here else ""
+        found.append(Vertex(_letter(lobes, scatter), prim, scatter is not None and scatter.get("transmits", 0) > 0))
+    return found
+
+
+def _letter(lobes: Event, scatter: Event | None) -> str:
+    why = lobes.get("why")
+    if why == "phase function":
+        return "V"
+    if scatter is not None and scatter.get("delta", 0) > 0:
+        return "S"
+    if why == "hair":
+        return "G"
+    if scatter is not None and "diffuse_share" in scatter:
+        return "D" if max(scatter["diffuse_share"]) > 0.5 else "G"
+    diffuse = sum(max(lobes.get(name, 0.0), 0.0) for name in DIFFUSE)
+    return "D" if diffuse > 0.5 * max(lobes.get("presence", 1.0), 1e-9) else "G"
+
+
+def _light(scene: CoreScene, events: Sequence[Event], last: Event) -> tuple[str, bool]:
+    """Return the prim that the light comes from, and whether it is a light."""
+    shown = [e for e in events if e["kind"] == "emission" and e["vertex"] == last["vertex"] and e["part"] == last["part"]]
+    event = last if "light" in last or "dome" in last else max(shown, key=lambda e: max(e["radiance"]), default=last)
+    assert scene.uploaded is not None
+    uploaded = scene.uploaded
+    if "dome" in event:
+        return uploaded.dome_paths[int(event["dome"])], True
+    light = int(event.get("light", -1))
+    if light >= 0:
+        shape = scene.shape_of_light(light)[0] if light not in uploaded.light_paths else 0
+        return uploaded.light_paths.get(light) or uploaded.shape_rows.path_of(shape), True
+    hit = next((e for e in reversed(events) if e["kind"] == "hit"), None)
+    return ("" if hit is None else uploaded.shape_rows.path_of(int(hit["shape"]))), False
+
+
+def _told(kind: Kind, share: float, vertices: Sequence[Vertex]) -> RarePath:
+    expression, light = kind
+    prims = tuple(dict.fromkeys(vertex.prim for vertex in vertices if vertex.prim))
+    return RarePath(expression, light, share, prims, _in_words(light or "a surface", vertices))
+
+
+def _in_words(light: str, vertices: Sequence[Vertex]) -> str:
+    """Return a path in words, from its light to the camera."""
+    rough = [k for k, vertex in enumerate(vertices) if vertex.letter != "S"]
+    if not vertices:
+        return f"{light}, seen as it is"
+    if not rough:
+        return f"{light}, seen {_through(vertices)}"
+    first, last = rough[0], rough[-1]
+    bending = vertices[last + 1 :]
+    bends = "" if not bending else f" that {_names(bending)} {_does(bending)}"
+    between = vertices[first + 1 : last + 1]
+    text = f"light of {light}{bends}, on {_name(vertices[first])}"
+    text += f" by way of {_names(reversed(between))}" if between else ""
+    return text + (f", seen {_through(vertices[:first])}" if first else "")
+
+
+def _does(bending: Sequence[Vertex]) -> str:
+    verb = "bend" if any(vertex.transmits for vertex in bending) else "mirror"
+    return verb if len({_name(vertex) for vertex in bending}) > 1 else f"{verb}s"
+
+
+def _through(vertices: Sequence[Vertex]) -> str:
+    return f"{'through' if any(vertex.transmits for vertex in vertices) else 'in'} {_names(vertices)}"
+
+
+def _names(vertices: Iterable[Vertex]) -> str:
+    counts = Counter(_name(vertex) for vertex in vertices)
+    names = list(counts)
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _name(vertex: Vertex) -> str:
+    return vertex.prim or ("the air" if vertex.letter == "V" else "a surface")
