@@ -78,6 +78,7 @@ struct LitPoint {
   float wo[3], alpha2, specular, rest, phase;  // if `previewed`
   DropletLobes<1> droplets;                    // if `phase` is of droplets
 
+  LitPoint() = default;
   template <int W>
   PRIMRAY_INLINE LitPoint(const vvec3<W>& at, const vvec3<W>& normal, int lane)
       : p{at.x[lane], at.y[lane], at.z[lane]}, n{normal.x[lane], normal.y[lane], normal.z[lane]} {
@@ -265,17 +266,24 @@ constexpr float kWorthwhile = 0.5f, kDoubtful = 100;
 // Weighed slots of a node: slots of the same lane in all blocks are a column, and columns follow each other.
 struct WeighedNode {
   alignas(64) float weights[LightTree::kLastSlots], columns[LightTree::kBlock], sums[LightTree::kBlock];
+  alignas(64) float most2[LightTree::kLastSlots];  // of the slots that are clusters: see weigh_block()
+  uint32_t clusters;                               // 0: there are none
 
+  WeighedNode() = default;
   PRIMRAY_INLINE WeighedNode(const LightTable& table, const LightTree::Node& node, const LitPoint& x) {
-    alignas(64) float most2[LightTree::kLastSlots];
-    uint32_t clusters = 0;
+    weigh(table, node, x);
+    look_into_clusters(table, node, x);
+  }
+
+  // Weighs slots, clusters by their means.
+  PRIMRAY_INLINE void weigh(const LightTable& table, const LightTree::Node& node, const LitPoint& x) {
+    clusters = 0;
     for (int k = 0; k < node.blocks; ++k) {
       const LightTree::Block& block = table.tree.blocks[size_t(node.block + k)];
       weigh_block(table, block, x, weights + k * LightTree::kBlock, most2 + k * LightTree::kBlock);
       clusters |= block.clusters;
     }
     add_up(node);
-    if (clusters != 0) look_into_clusters(table, node, x, most2);
   }
 
   PRIMRAY_INLINE void add_up(const LightTree::Node& node) {
@@ -288,7 +296,11 @@ struct WeighedNode {
     running_sums(columns, sums);
   }
 
-  inline void look_into_clusters(const LightTable& table, const LightTree::Node& node, const LitPoint& x, const float* most2) {
+  // Weighs clusters whose mean is a poor estimate by their own slots.
+  PRIMRAY_INLINE void look_into_clusters(const LightTable& table, const LightTree::Node& node, const LitPoint& x) {
+    if (clusters != 0) look_into(table, node, x);
+  }
+  inline void look_into(const LightTable& table, const LightTree::Node& node, const LitPoint& x) {
     constexpr int N = kTreeLanes;
     const vfloat<N> worthwhile(kWorthwhile * total());
     bool changed = false;
@@ -344,28 +356,26 @@ inline float WeighedNode::total_of_node(const LightTable& table, int32_t number,
   return sum_of_block(w);
 }
 
+// Choice of a path that traverses a tree.
 struct TreeChoice {
-  int32_t light;
-  float probability;  // 0: no light of the tree can reach the point
+  int32_t node;
+  double u, probability;  // in [0, 1): where in the node the path chooses; of the nodes chosen so far
+  int32_t light = -1;     // chosen; -1: none yet, or no light of the tree can reach the point
+
+  // Chooses among the slots of its node; returns whether it has come to another node.
+  PRIMRAY_INLINE bool step(const LightTable& table, const WeighedNode& w) {
+    const LightTree::Node& at = table.tree.nodes[size_t(node)];
+    const float total = w.total();
+    if (!(total > 0)) return false;
+    const int slot = w.find(at.blocks, u * double(total), u);
+    probability *= double(w.weights[slot]) / double(total);
+    node = table.tree.blocks[size_t(at.block + slot / LightTree::kBlock)].child[slot % LightTree::kBlock];
+    if (node < 0) light = ~node;
+    return node >= 0;
+  }
 };
 
-// Chooses a light by the number u in [0, 1).
-inline TreeChoice choose_from_node(const LightTable& table, int32_t root, const LitPoint& x, double u) {
-  double probability = 1;
-  for (int32_t at = root;;) {
-    const LightTree::Node& node = table.tree.nodes[size_t(at)];
-    const WeighedNode w(table, node, x);
-    const float total = w.total();
-    if (!(total > 0)) return {0, 0.0f};
-    const int slot = w.find(node.blocks, u * double(total), u);
-    probability *= double(w.weights[slot]) / double(total);
-    const int32_t child = table.tree.blocks[size_t(node.block + slot / LightTree::kBlock)].child[slot % LightTree::kBlock];
-    if (child < 0) return {~child, float(probability)};
-    at = child;
-  }
-}
-
-// Probability with which choose_from_node() chooses the light at `place`.
+// Probability with which choose_in_tree() chooses the light at `place`.
 inline float probability_from_leaf(const LightTable& table, LightTree::Place place, const LitPoint& x) {
   double probability = 1;
   while (place.node >= 0) {
@@ -379,18 +389,42 @@ inline float probability_from_leaf(const LightTable& table, LightTree::Place pla
   return float(probability);
 }
 
-// Chooses a light in the lanes of `m`, each from the tree with its `root`, by 32 random bits.
+// Chooses a light in the lanes of `m`, each from the tree with its `root`, by 32 random bits; its probability is 0 if no light
+// of the tree can reach the point. All paths take a step before any takes the next, and each part of a step is done for all of
+// them: one path's is a long chain of operations, of which a processor overlaps those of several paths.
 template <int W>
 PRIMRAY_RARE void choose_in_tree(const LightTable& table, vint<W> root, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
                                  vuint<W> u, vint<W>& light, vfloat<W>& probability, const LobePreview<W>* lobes = nullptr) {
-  light = vint<W>(0), probability = vfloat<W>(0.0f);
+  TreeChoice choices[W];
+  LitPoint points[W];
+  WeighedNode nodes[W];
+  int under_way[W], count = 0;
   for (uint32_t left = bits(m); left; left &= left - 1) {
     const int i = __builtin_ctz(left);
-    LitPoint x(p, n, i);
-    if (lobes) x.send_on(*lobes, i);
-    const TreeChoice c = choose_from_node(table, root[i], x, double(u[i]) * 0x1p-32);
-    light.set(i, c.light), probability.set(i, c.probability);
+    points[i] = LitPoint(p, n, i);
+    if (lobes) points[i].send_on(*lobes, i);
+    choices[i] = {root[i], double(u[i]) * 0x1p-32, 1};
+    under_way[count++] = i;
   }
+  while (count > 0) {
+    const auto node_of = [&](int i) -> const LightTree::Node& { return table.tree.nodes[size_t(choices[i].node)]; };
+    for (int k = 0; k < count; ++k) nodes[under_way[k]].weigh(table, node_of(under_way[k]), points[under_way[k]]);
+    for (int k = 0; k < count; ++k) nodes[under_way[k]].look_into_clusters(table, node_of(under_way[k]), points[under_way[k]]);
+    int stay = 0;
+    for (int k = 0; k < count; ++k) {
+      const int i = under_way[k];
+      under_way[stay] = i;
+      stay += choices[i].step(table, nodes[i]) ? 1 : 0;
+    }
+    count = stay;
+  }
+  alignas(64) int32_t chosen[W];
+  alignas(64) float chances[W];
+  for (int i = 0; i < W; ++i) {
+    const bool found = bits(m) >> i & 1 && choices[i].light >= 0;
+    chosen[i] = found ? choices[i].light : 0, chances[i] = found ? float(choices[i].probability) : 0.0f;
+  }
+  light = load<W>(chosen), probability = load<W>(chances);
 }
 
 // Probability of the light at places[at] in each lane of `m`.
