@@ -31,7 +31,7 @@ PRIMRAY_INLINE vint<W> surfaces_of(const Scene& scene, vbool<W> active, const Hi
   return select(triangles, gather<W>(scene.meshes.surface.data(), mesh), surface);
 }
 
-// Order of increasing numbers, or of runs of 2^shift of them where there are many; equal ones keep theirs.
+// Order of increasing numbers, or of runs of 2^shift of them where there are many; equal ones keep theirs. Padding is 0.
 __attribute__((noinline)) inline void order_by(const int32_t* numbers, int count, int shift, int32_t* order) {
   const auto key = [&](int i) {
     const int n = numbers[i];
@@ -41,6 +41,7 @@ __attribute__((noinline)) inline void order_by(const int32_t* numbers, int count
   for (int i = 0; i < count; ++i) ++ends[key(i) + 1];
   for (int k = 0; k < kSortKeys; ++k) ends[k + 1] += ends[k];
   for (int i = 0; i < count; ++i) order[ends[key(i)]++] = i;
+  std::fill(order + count, order + kPadded - kPool + count, 0);
 }
 
 PRIMRAY_RARE void sort_hits(Round& round) {
@@ -51,7 +52,7 @@ PRIMRAY_RARE void sort_hits(Round& round) {
   for (int at = 0; at < count; at += W)
     store(numbers + at, surfaces_of(round.scene, lane_numbers<W>() < vint<W>(count - at), pool.hits<W>(at)));
   order_by(numbers, count, round.scene.sort_shift, order);
-  pool.reorder(order, round.needs);
+  pool.reorder(order, round.needs, round.scene.few_triangles.any() || round.scene.triangle_bvh.any());
   if (round.follows_media()) round.worker.medium_states->pool->reorder(order, count);
 }
 

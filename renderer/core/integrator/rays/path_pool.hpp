@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstring>
+#include <type_traits>
 
 #include "base/integrator_settings.hpp"
 #include "bvh/interleaved.hpp"
@@ -57,17 +58,20 @@ struct Compaction {
   }
 };
 
-// Puts the first `count` values in another order: at i, what was at order[i].
-__attribute__((noinline)) inline void reorder_words(void* column, const int32_t* order, int count) {
-  uint32_t before[kPadded], after[kPadded];
-  std::memcpy(before, column, sizeof(uint32_t) * size_t(count));
-  for (int i = 0; i < count; ++i) after[i] = before[order[i]];
-  std::memcpy(column, after, sizeof(uint32_t) * size_t(count));
-}
+// Puts the first `count` values of a column in another order: at i, what was at order[i]. Padding of `order` holds indices too.
 template <class T>
-PRIMRAY_INLINE void reorder_column(T (&column)[kPadded], const int32_t* order, int count) {
-  static_assert(sizeof(T) == sizeof(uint32_t));
-  reorder_words(column, order, count);
+__attribute__((noinline)) void reorder_column(T (&column)[kPadded], const int32_t* order, int count) {
+#if defined(__AVX512F__)
+  constexpr int W = 16;
+#else
+  constexpr int W = 8;
+#endif
+  using Number = std::conditional_t<std::is_same_v<T, float>, float, int32_t>;
+  static_assert(sizeof(T) == sizeof(Number));
+  const auto from = reinterpret_cast<const Number*>(column);
+  alignas(64) Number after[kPadded];
+  for (int i = 0; i < count; i += W) store(after + i, gather<W>(from, load<W>(order + i)));
+  std::memcpy(column, after, sizeof(T) * size_t(count));
 }
 
 // Path state between two vertices: the ray, and what the next vertex needs.
@@ -165,8 +169,9 @@ struct PathPool {
     c.append(reversed_index + at, p.sampler.reversed_index), c.append(seed + at, p.sampler.seed);
     count += c.count;
   }
-  // Puts the paths and their hits in another order: at i, what was at order[i].
-  void reorder(const int32_t* order, PathNeeds needs) {
+  // Puts the paths and their hits in another order: at i, what was at order[i]. `plain`: all hits are on triangles of the
+  // world.
+  void reorder(const int32_t* order, PathNeeds needs, bool plain) {
     const auto move = [&](auto&... columns) { (reorder_column(columns, order, count), ...); };
     move(ox, oy, oz, dx, dy, dz, tnear, tfar, beta_r, beta_g, beta_b, bsdf_pdf, slot, reversed_index, seed, depth, vertex,
          splits);
@@ -178,7 +183,8 @@ struct PathPool {
     if (needs.first_received) move(first_received);
     if (needs.links) move(link);
     if (needs.lpe) move(lpe_diffuse, lpe_other);
-    move(t, ngx, ngy, ngz, u, v, prim, geom, inst, inst_prim);
+    move(t, u, v, prim, geom);
+    if (!plain) move(ngx, ngy, ngz, inst, inst_prim);
   }
   template <int W>
   PRIMRAY_INLINE Hits<W> hits(int at) const {
