@@ -51,8 +51,7 @@ struct BsdfWithHair : BsdfWithOpenPbr<W> {
  private:
   __attribute__((noinline)) void set_hair(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front) {
     all_hair = !any(active & !is_hair);
-    const vint<W> row = select(is_hair, field.lobe_row(), vint<W>(0));
-    hair.emplace(HairRows<W>{field.hair, row * vint<W>(kHairFields)}, wo);
+    hair.emplace(field.hair_rows(is_hair), wo);
     // Where light hits the far wall from within, it has already passed through the fibre.
     const vbool<W> within = is_hair & !front;
     this->presence = select(within, 0.0f, this->presence);

@@ -69,9 +69,7 @@ struct BsdfWithOpenPbr : Bsdf<W> {
                                               F beside, vbool<W> deep) {
     const vbool<W> m = is_open_pbr;
     all_open_pbr = !any(active & !m);
-    const vint<W> row = select(m, field.lobe_row(), vint<W>(0));
-    const OpenPbrRows<W> rows{field.open_pbr, row * vint<W>(kOpenPbrFields)};
-    const OpenPbr<W>& o = open_pbr.emplace(rows, m, m & this->thin, wo, front, beside, deep);
+    const OpenPbr<W>& o = open_pbr.emplace(field.open_pbr_rows(m), m, m & this->thin, wo, front, beside, deep);
     this->p_diffuse = select(m, o.p_diffuse + o.p_behind + o.p_fuzz, this->p_diffuse);
     this->p_specular = select(m, o.p_specular, this->p_specular), this->p_coat = select(m, o.p_coat, this->p_coat);
     this->mirror = select(m, o.mirror, this->mirror);
@@ -95,8 +93,7 @@ PRIMRAY_RARE void align_tangent(const SurfaceRows<W>& field, vbool<W> m, Frame<v
   const vint<W> flags = field.flags();
   m &= (flags & vint<W>(kOpenPbr)) != vint<W>(0);
   if (!any(m)) return;
-  const vint<W> row = select(m, field.lobe_row(), vint<W>(0));
-  const vvec3<W> along = OpenPbrRows<W>{field.open_pbr, row * vint<W>(kOpenPbrFields)}.color(kOpenTangent);
+  const vvec3<W> along = field.open_pbr_rows(m).color(kOpenTangent);
   const vvec3<W> t = along - frame.n * dot(along, frame.n);
   const vfloat<W> size2 = dot(t, t);
   m &= (size2 > vfloat<W>(1e-12f)) & (size2 < vfloat<W>(1e30f));

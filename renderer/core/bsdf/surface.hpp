@@ -235,28 +235,38 @@ struct SurfaceTable {
 
 // Rows of W lanes: in the table, or where evaluate_inputs() has written them.
 template <int W>
-struct SurfaceRows {
-  const float* rows;
-  vint<W> base;
-  const float* open_pbr;  // rows of the OpenPBR surfaces among them
-  const float* hair;      // and of hair
-  PRIMRAY_INLINE SurfaceRows(const float* r, vint<W> b, const float* o, const float* h = nullptr)
-      : rows(r), base(b), open_pbr(o), hair(h) {}
-  PRIMRAY_INLINE SurfaceRows(const SurfaceTable& table, vint<W> surface)
-      : rows(table.rows.data()),
-        base(surface * vint<W>(kSurfaceFields)),
-        open_pbr(table.open_pbr.data()),
-        hair(table.hair.data()) {
+class SurfaceRows : public LobeRows<W> {
+ public:
+  // Rows of one surface that is neither OpenPBR nor hair.
+  PRIMRAY_INLINE explicit SurfaceRows(const float* row)
+      : LobeRows<W>(row, vbool<W>(true), vint<W>(0), kSurfaceFields), open_pbr_(nullptr), hair_(nullptr) {}
+  // Rows of surfaces in lanes `m`.
+  PRIMRAY_INLINE SurfaceRows(const SurfaceTable& table, vint<W> surface, vbool<W> m = vbool<W>(true))
+      : LobeRows<W>(table.rows.data(), m, surface, kSurfaceFields), open_pbr_(table.open_pbr.data()), hair_(table.hair.data()) {
     PRIMRAY_ASSERT(are_rows(surface, table.rows.size() / kSurfaceFields));
   }
-  PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
+  // Columns of all three tables.
+  PRIMRAY_INLINE static SurfaceRows by_column(const float* columns, const float* open_pbr, const float* hair) {
+    return SurfaceRows(LobeRows<W>::by_column(columns), open_pbr, hair);
+  }
+
   PRIMRAY_INLINE vint<W> flags() const { return bit_cast<vint<W>>((*this)(kFlags)); }
   // Row of an OpenPBR surface, or of hair, in its own table.
   PRIMRAY_INLINE vint<W> lobe_row() const { return bit_cast<vint<W>>((*this)(kOpenPbrRow)); }
-  // Reads three columns at once; no colour is the last of a row.
-  PRIMRAY_INLINE vvec3<W> color(int field) const {
-    const FourLanes<float, W> c = gather_four<W>(rows + field, base);
-    return {c.x, c.y, c.z};
+  // Those rows of the lanes of `m`, which are OpenPBR surfaces.
+  PRIMRAY_INLINE LobeRows<W> open_pbr_rows(vbool<W> m) const { return lobe_rows(open_pbr_, m, kOpenPbrFields); }
+  // And of the lanes of `m` that are hair.
+  PRIMRAY_INLINE LobeRows<W> hair_rows(vbool<W> m) const { return lobe_rows(hair_, m, kHairFields); }
+
+ private:
+  const float* open_pbr_;
+  const float* hair_;
+
+  PRIMRAY_INLINE SurfaceRows(const LobeRows<W>& rows, const float* open_pbr, const float* hair)
+      : LobeRows<W>(rows), open_pbr_(open_pbr), hair_(hair) {}
+  PRIMRAY_INLINE LobeRows<W> lobe_rows(const float* table, vbool<W> m, int fields) const {
+    if (this->is_by_column()) return LobeRows<W>::by_column(table);
+    return {table, m, select(m, lobe_row(), vint<W>(0)), fields};
   }
 };
 

@@ -40,7 +40,7 @@ struct PhaseLobes : Bsdf<W> {
   // Row of a surface without lobes; nothing of it is evaluated.
   static SurfaceRows<W> plain() {
     static const float row[kSurfaceFields] = {};
-    return SurfaceRows<W>(row, vint<W>(0), nullptr);
+    return SurfaceRows<W>(row);
   }
 };
 

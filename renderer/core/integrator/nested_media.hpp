@@ -31,7 +31,7 @@ PRIMRAY_RARE void exit_subsurface(Round& round, vbool<W> lanes, const PathLanes<
   const MediumInterface<W> media{{state.stack, {}, {}, state.volumes}, Boundary<W>(state.stack), {}};
   // Treat the path as if it had arrived from outside, along the normal.
   const vvec3<W> n = surface.it.ns;
-  surface.rows = SurfaceRows<W>(white.data(), vint<W>(0), nullptr);
+  surface.rows = SurfaceRows<W>(white.data());
   surface.it.color = vvec3<W>(vfloat<W>(1.0f));
   surface.front = vbool<W>(true), surface.ng = surface.it.ng, surface.frame = Frame<vfloat<W>>(n);
   PathLanes<W> outside = p;
@@ -73,7 +73,7 @@ PRIMRAY_RARE void shade_in_media(Round& round, int at, vbool<W> hit, vbool<W> sc
 
   // Find the surfaces that bound a subsurface medium, and the paths that leave it
   const vbool<W> is_open = hit & ((rows.flags() & vint<W>(kOpenPbr)) != vint<W>(0));
-  const OpenPbrRows<W> row{rows.open_pbr, select(is_open, rows.lobe_row(), vint<W>(0)) * vint<W>(kOpenPbrFields)};
+  const OpenPbrRows<W> row = rows.open_pbr_rows(is_open);
   const vbool<W> deep = is_open & (row(kOpenSubsurface) > F(0.0f)), in_subsurface = state.in_subsurface();
   const vbool<W> leaves = deep & in_subsurface & !surface.front & (p.depth < vint<W>(round.settings.max_depth));
   // A random walk that hits a front face has left unnoticed.

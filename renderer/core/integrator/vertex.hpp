@@ -27,7 +27,7 @@ struct SurfaceHit {
   PRIMRAY_INLINE SurfaceHit(const Scene& scene, vbool<W> hit, const Rays<W>& rays, const Hits<W>& h)
       : hits(h),
         it(interact(scene, hit, rays, h)),
-        rows(scene.surfaces, it.surface),
+        rows(scene.surfaces, it.surface, hit),
         cosine(dot(it.ng, -rays.d)),
         front(cosine > vfloat<W>(0.0f)),
         ng(it.ng * side()) {}

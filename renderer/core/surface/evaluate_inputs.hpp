@@ -23,12 +23,40 @@ PRIMRAY_INLINE bool any_inputs(const Scene& scene, vbool<W> m, vint<W> surface) 
   return scene.has_inputs && any(m & (gather<W>(scene.surface_inputs_of.data(), surface) >= vint<W>(0)));
 }
 
+// Rows that evaluate_inputs() writes, by column.
 template <int W>
 struct LaneRows {
-  alignas(64) float rows[W * kSurfaceFields];
-  alignas(64) float open_pbr[W * kOpenPbrFields];
-  alignas(64) float hair[W * kHairFields];
+  alignas(64) float surface[kSurfaceFields * W];
+  alignas(64) float open_pbr[kOpenPbrFields * W];
+  alignas(64) float hair[kHairFields * W];
+  bool has_surface = false, has_open_pbr = false, has_hair = false;  // some lanes have been written
 };
+
+// Writes columns in lanes `m`, or in all lanes if none has been written: what is there is then undefined.
+template <int kFields, int W>
+PRIMRAY_INLINE void put_columns(const vfloat<W> (&values)[kFields], vbool<W> m, float (&columns)[kFields * W], bool& written) {
+  for (int f = 0; f < kFields; ++f) {
+    float* const at = columns + f * W;
+    store(at, written ? select(m, values[f], load<W>(at)) : values[f]);
+  }
+  written = true;
+}
+template <int kFields, int W>
+PRIMRAY_INLINE void copy_columns(const LobeRows<W>& rows, float (&columns)[kFields * W], bool& written) {
+  for (int f = 0; f < kFields; ++f) store(columns + f * W, rows(f));
+  written = true;
+}
+
+// Copies the table's rows of lanes `m`, whose surfaces have only constants.
+template <int W>
+PRIMRAY_RARE void copy_constants(const SurfaceTable& table, vbool<W> m, vint<W> surface, LaneRows<W>& out) {
+  const SurfaceRows<W> rows(table, surface, m);
+  copy_columns<kSurfaceFields>(rows, out.surface, out.has_surface);
+  const auto with = [&](SurfaceFlag flag) { return m & ((rows.flags() & vint<W>(flag)) != vint<W>(0)); };
+  if (const vbool<W> open = with(kOpenPbr); any(open))
+    copy_columns<kOpenPbrFields>(rows.open_pbr_rows(open), out.open_pbr, out.has_open_pbr);
+  if (const vbool<W> hair = with(kHair); any(hair)) copy_columns<kHairFields>(rows.hair_rows(hair), out.hair, out.has_hair);
+}
 
 // Offsets of primvar values for lanes on curves: of two values, or of a segment's four control points.
 template <int W>
@@ -274,51 +302,23 @@ PRIMRAY_INLINE vvec3<W> unit_normal(const vvec3<W>& bent, const vvec3<W>& ns) {
   return select(good, bent * (1.0f / sqrt(select(good, size2, 1.0f))), ns);
 }
 
-// Stores rows of OpenPBR surfaces with varying inputs by lane; rows of lanes without any are copied there.
+// Writes rows of OpenPBR surfaces with varying inputs.
 template <int W>
 PRIMRAY_RARE void put_open_pbr(const SurfaceInput& s, const SurfaceValues<W>& values, const OpenPbrValues<W>& open, vbool<W> m,
                                vfloat<W> (&row)[kSurfaceFields], LaneRows<W>& out) {
   vfloat<W> columns[kOpenPbrFields];
   reduce_open_pbr(open, s.thin, columns);
   reduce_surface(s, values, open, columns, lane_numbers<W>(), row);
-  for (uint32_t b = bits(m); b; b &= b - 1) {
-    const int i = __builtin_ctz(b);
-    for (int f = 0; f < kOpenPbrFields; ++f) out.open_pbr[i * kOpenPbrFields + f] = columns[f][i];
-  }
+  put_columns(columns, m, out.open_pbr, out.has_open_pbr);
 }
-// Stores rows of hair surfaces with varying inputs by lane; rows of lanes without any are copied there.
+// Writes rows of hair with varying inputs.
 template <int W>
 PRIMRAY_RARE void put_hair(const SurfaceInput& s, const SurfaceValues<W>& values, const HairValues<W>& hair, vbool<W> m,
                            vfloat<W> (&row)[kSurfaceFields], LaneRows<W>& out) {
   vfloat<W> columns[kHairFields];
   reduce_hair(hair, columns);
   reduce_surface(s, values, hair, lane_numbers<W>(), row);
-  for (uint32_t b = bits(m); b; b &= b - 1) {
-    const int i = __builtin_ctz(b);
-    for (int f = 0; f < kHairFields; ++f) out.hair[i * kHairFields + f] = columns[f][i];
-  }
-}
-template <int W>
-PRIMRAY_RARE void copy_hair(const SurfaceTable& table, vbool<W> m, LaneRows<W>& out) {
-  for (uint32_t b = bits(m); b; b &= b - 1) {
-    const int i = __builtin_ctz(b);
-    float* row = out.rows + i * kSurfaceFields;
-    if (!(int_at(row, kFlags) & kHair)) continue;
-    std::memcpy(out.hair + i * kHairFields, table.hair.data() + int_at(row, kOpenPbrRow) * kHairFields,
-                kHairFields * sizeof(float));
-    put_int(row, kOpenPbrRow, i);
-  }
-}
-template <int W>
-PRIMRAY_RARE void copy_open_pbr(const SurfaceTable& table, vbool<W> m, LaneRows<W>& out) {
-  for (uint32_t b = bits(m); b; b &= b - 1) {
-    const int i = __builtin_ctz(b);
-    float* row = out.rows + i * kSurfaceFields;
-    if (!(int_at(row, kFlags) & kOpenPbr)) continue;
-    std::memcpy(out.open_pbr + i * kOpenPbrFields, table.open_pbr.data() + int_at(row, kOpenPbrRow) * kOpenPbrFields,
-                kOpenPbrFields * sizeof(float));
-    put_int(row, kOpenPbrRow, i);
-  }
+  put_columns(columns, m, out.hair, out.has_hair);
 }
 
 // Returns the surface rows at the hits `h`, at points `p`, and bends the normals `ns` by normal maps. `footprint`: see
@@ -329,12 +329,9 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
                                                          vvec3<W>& ns, LaneRows<W>& out) {
   using I = vint<W>;
   const SurfacePoint<W> point(scene, active, h);
-  for (int i = 0; i < W; ++i)
-    std::memcpy(out.rows + i * kSurfaceFields, scene.surfaces.rows.data() + surface[i] * kSurfaceFields,
-                kSurfaceFields * sizeof(float));
   const I number = gather<W>(scene.surface_inputs_of.data(), surface);
-  if (!scene.surfaces.open_pbr.empty()) copy_open_pbr(scene.surfaces, active & !(number >= I(0)), out);
-  if (!scene.surfaces.hair.empty()) copy_hair(scene.surfaces, active & !(number >= I(0)), out);
+  if (const vbool<W> constant = active & !(number >= I(0)); any(constant))
+    copy_constants(scene.surfaces, constant, surface, out);
   for (vbool<W> left = active & (number >= I(0)); any(left);) {
     const int k = number[__builtin_ctz(bits(left))];
     const vbool<W> same = left & (number == I(k));
@@ -371,12 +368,9 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
     } else {
       reduce_surface(inputs.constants, values, row);
     }
-    for (uint32_t b = bits(same); b; b &= b - 1) {
-      const int i = __builtin_ctz(b);
-      for (int f = 0; f < kSurfaceFields; ++f) out.rows[i * kSurfaceFields + f] = row[f][i];
-    }
+    put_columns(row, same, out.surface, out.has_surface);
   }
-  return SurfaceRows<W>(out.rows, lane_numbers<W>() * I(kSurfaceFields), out.open_pbr, out.hair);
+  return SurfaceRows<W>::by_column(out.surface, out.open_pbr, out.hair);
 }
 
 }  // namespace primray

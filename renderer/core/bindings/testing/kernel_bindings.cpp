@@ -1,6 +1,6 @@
 // Test bindings with array versions of the kernels: N rows in, N rows out, W at a time through their templates. Points,
 // distances and directions are in world space and scene units; local directions of BSDFs are about the shading normal. `lanes`:
-// 1, or 0 for the maximum.
+// 1, or 0 for the maximum. `layout`: 0, 1 or 2, see rows_of().
 #include <optional>
 
 #include "accel/build.hpp"
@@ -10,6 +10,7 @@
 #include "build/inputs/input_facts.hpp"
 #include "light/sampler/portal.hpp"
 #include "sampler/sampler.hpp"
+#include "surface/evaluate_inputs.hpp"
 #include "surface/interaction.hpp"
 #include "surface/surface_emission.hpp"
 #include "texture/mip_pyramid.hpp"
@@ -17,33 +18,48 @@
 namespace primray {
 namespace {
 
-// Calls f with the lobes of a table's first surface, as renders of its scene have them.
-template <int W, class F>
-auto with_lobes(const SurfaceTable& table, const vvec3<W>& wo, vint<W> front, const F& f) {
-  const vbool<W> all(true), in_front = front != vint<W>(0);
-  if (!table.hair.empty()) return f(BsdfWithHair<W>(table, vint<W>(0), all, wo, in_front));
-  if (table.open_pbr.empty()) return f(Bsdf<W>(table, vint<W>(0), all, wo, in_front));
-  return f(BsdfWithOpenPbr<W>(table, vint<W>(0), all, wo, in_front));
+// Where rows of surfaces are read from: one row for all lanes, rows by lane, and columns as evaluate_inputs() writes them.
+constexpr int kOneRow = 0, kByColumn = 2;
+
+// Rows of a table's first two surfaces, which are alike, in turns; or of the first alone.
+template <int W>
+SurfaceRows<W> rows_of(const SurfaceTable& table, int layout, LaneRows<W>& columns) {
+  const vint<W> surface = layout == kOneRow ? vint<W>(0) : lane_numbers<W>() & vint<W>(1);
+  if (layout != kByColumn) return SurfaceRows<W>(table, surface);
+  copy_constants(table, vbool<W>(true), surface, columns);
+  return SurfaceRows<W>::by_column(columns.surface, columns.open_pbr, columns.hair);
 }
 
-nb::tuple bsdf_eval(const SurfaceInput& surface, InFloats wo_, InFloats wi_, InInts front_, int lanes) {
+// Calls f with the lobes of a table's first surfaces, as renders of its scene have them.
+template <int W, class F>
+auto with_lobes(const SurfaceTable& table, const vvec3<W>& wo, vint<W> front, const F& f, int layout = kOneRow) {
+  const vbool<W> all(true), in_front = front != vint<W>(0);
+  LaneRows<W> columns;
+  const SurfaceRows<W> rows = rows_of(table, layout, columns);
+  if (!table.hair.empty()) return f(BsdfWithHair<W>(rows, all, wo, in_front));
+  if (table.open_pbr.empty()) return f(Bsdf<W>(rows, all, wo, in_front));
+  return f(BsdfWithOpenPbr<W>(rows, all, wo, in_front));
+}
+
+nb::tuple bsdf_eval(const SurfaceInput& surface, InFloats wo_, InFloats wi_, InInts front_, int lanes, int layout) {
   SurfaceTable table;
-  table.add(surface);
+  table.add(surface), table.add(surface);
   const size_t n = wo_.shape(0);
   const Input<float> wo(wo_, n, 3), wi(wi_, n, 3);
   const Input<int32_t> front(front_, n, 1);
   Column<float> diffuse(n, 3), specular(n, 3), pdf(n);
   for_rows(n, lanes, [&]<int W>(size_t at) {
     const vvec3<W> o = wo.vector<W>(at);
-    const BsdfEval<W> e = with_lobes(table, o, front.number<W>(at), [&](const auto& b) { return b.eval(o, wi.vector<W>(at)); });
+    const auto evaluate = [&](const auto& b) { return b.eval(o, wi.vector<W>(at)); };
+    const BsdfEval<W> e = with_lobes(table, o, front.number<W>(at), evaluate, layout);
     diffuse.put(at, e.diffuse), specular.put(at, e.specular), pdf.put(at, e.pdf);
   });
   return nb::make_tuple(diffuse.array(), specular.array(), pdf.array());
 }
 
-nb::tuple bsdf_sample(const SurfaceInput& surface, InFloats wo_, InInts front_, InFloats u_, int lanes) {
+nb::tuple bsdf_sample(const SurfaceInput& surface, InFloats wo_, InInts front_, InFloats u_, int lanes, int layout) {
   SurfaceTable table;
-  table.add(surface);
+  table.add(surface), table.add(surface);
   const size_t n = wo_.shape(0);
   const Input<float> wo(wo_, n, 3), u(u_, n, 3);
   const Input<int32_t> front(front_, n, 1);
@@ -51,8 +67,8 @@ nb::tuple bsdf_sample(const SurfaceInput& surface, InFloats wo_, InInts front_, 
   Column<int32_t> is_delta(n), transmits(n);
   for_rows(n, lanes, [&]<int W>(size_t at) {
     const vvec3<W> o = wo.vector<W>(at), r = u.vector<W>(at);
-    const BsdfSample<W> s =
-        with_lobes(table, o, front.number<W>(at), [&](const auto& b) { return b.sample(o, r.x, r.y, r.z); });
+    const auto sample = [&](const auto& b) { return b.sample(o, r.x, r.y, r.z); };
+    const BsdfSample<W> s = with_lobes(table, o, front.number<W>(at), sample, layout);
     wi.put(at, s.wi), weight.put(at, s.weight), pdf.put(at, s.pdf), is_delta.put(at, s.is_delta),
         transmits.put(at, s.transmits);
   });
@@ -340,8 +356,10 @@ nb::object triangle_emission_rows(const Scene& scene, InInts triangle_, InInts p
 
 void bind_testing(nb::module_& m) {
   const auto lanes = nb::arg("lanes") = 0;
-  m.def("bsdf_eval", &bsdf_eval, nb::arg("surface"), nb::arg("wo"), nb::arg("wi"), nb::arg("front"), lanes);
-  m.def("bsdf_sample", &bsdf_sample, nb::arg("surface"), nb::arg("wo"), nb::arg("front"), nb::arg("u"), lanes);
+  m.def("bsdf_eval", &bsdf_eval, nb::arg("surface"), nb::arg("wo"), nb::arg("wi"), nb::arg("front"), lanes,
+        nb::arg("layout") = kOneRow);
+  m.def("bsdf_sample", &bsdf_sample, nb::arg("surface"), nb::arg("wo"), nb::arg("front"), nb::arg("u"), lanes,
+        nb::arg("layout") = kOneRow);
   m.def("bsdf_lobes", &bsdf_lobes, nb::arg("surface"), nb::arg("wo"), nb::arg("front"), lanes);
   m.def("light_sample", &light_sample_rows, nb::arg("scene"), nb::arg("light"), nb::arg("p"), nb::arg("u"), lanes);
   m.def("light_hit", &light_hit_rows, nb::arg("scene"), nb::arg("light"), nb::arg("p"), nb::arg("wi"), lanes);

@@ -7,17 +7,46 @@
 
 namespace primray {
 
-// Rows of W lanes in a table of lobe parameters.
+// Rows of W lanes in a table of lobe parameters. Hits are sorted by surface, so most packets have one row, whose values are
+// broadcast: gathers would cost many times as much. What evaluate_inputs() writes is stored by column.
 template <int W>
-struct LobeRows {
-  const float* rows;
-  vint<W> base;
-  PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
+class LobeRows {
+ public:
+  // Rows that begin at `base`, in all lanes.
+  PRIMRAY_INLINE LobeRows(const float* table, vint<W> base) : rows_(table), base_(base), layout_(kRows) {}
+  // Rows number `row` of a table with so many fields. Lanes other than those of `m` may have any row of these.
+  PRIMRAY_INLINE LobeRows(const float* table, vbool<W> m, vint<W> row, int fields)
+      : rows_(table), base_(row * vint<W>(fields)), layout_(kRows) {
+    const uint32_t lanes = bits(m);
+    const int first = lanes ? row[__builtin_ctz(lanes)] : 0;
+    if (any(m & (row != vint<W>(first)))) return;
+    rows_ = table + first * fields, layout_ = kOneRow;
+  }
+  // W values of each field, one after the other.
+  PRIMRAY_INLINE static LobeRows by_column(const float* columns) {
+    LobeRows r(columns, vint<W>(0));
+    r.layout_ = kColumns;
+    return r;
+  }
+
+  PRIMRAY_INLINE vfloat<W> operator()(int field) const {
+    if (layout_ == kOneRow) return vfloat<W>(rows_[field]);
+    if (layout_ == kColumns) return load<W>(rows_ + field * W);
+    return gather<W>(rows_ + field, base_);
+  }
   // Reads three columns at once; no colour is the last of a row.
   PRIMRAY_INLINE vvec3<W> color(int field) const {
-    const FourLanes<float, W> c = gather_four<W>(rows + field, base);
+    if (layout_ != kRows) return {(*this)(field), (*this)(field + 1), (*this)(field + 2)};
+    const FourLanes<float, W> c = gather_four<W>(rows_ + field, base_);
     return {c.x, c.y, c.z};
   }
+  PRIMRAY_INLINE bool is_by_column() const { return layout_ == kColumns; }
+
+ private:
+  enum Layout { kRows, kOneRow, kColumns };
+  const float* rows_;
+  vint<W> base_;
+  Layout layout_;
 };
 
 enum class InputField : int32_t {

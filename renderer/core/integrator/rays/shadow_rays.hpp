@@ -36,7 +36,7 @@ struct ShadowStep {
     if (!scene.has_thin) return;
     const vfloat<W> z = clamp(abs(dot(it.ns, rays.d)), 0.0f, 1.0f);
     const vvec3<W> wo{safe_sqrt(1.0f - z * z), vfloat<W>(0.0f), z};
-    SurfaceRows<W> rows(scene.surfaces, it.surface);
+    SurfaceRows<W> rows(scene.surfaces, it.surface, active);
     LaneRows<W> varying;
     if (any_inputs(scene, active, it.surface)) {
       // Normal maps do not bend light that passes straight, and shadow rays have no ray cones.
