@@ -18,7 +18,7 @@ from typing import Any
 from tests.bench.figures.relmse import Pixels, Reference, agreement, load, reference_of, relmse
 
 from .peer_runs import digest, facts, run
-from .peers.installed import MOVING, OURS, RENDERERS, Renderer, installed, reason_against
+from .peers.installed import MOVING, OURS, RENDERERS, Renderer, installed, meant_for, reason_against
 from .peers.scenes import SCENES
 from .references import reference
 from .results import latest, write_results
@@ -70,7 +70,7 @@ def measure(
             "rounds": measured[renderer.name],
         }
         for renderer in renderers
-    ] + [{"renderer": r.name, "scene": scene, "left_out": why} for r in RENDERERS if (why := _left_out(r, scene))]
+    ] + [{"renderer": r.name, "scene": scene, "left_out": why} for r in meant_for(scene) if (why := _left_out(r, scene))]
 
 
 def _own(reference: Reference, scene: str, renderer: Renderer, best: list[Pixels]) -> Reference:

@@ -25,6 +25,10 @@ from .peers.write_usd import CAMERA
 ROOT = Path(__file__).parents[2]
 PEERS = Path(__file__).parent / "peers"
 PRIMRAY = [sys.executable, str(Path(sys.executable).with_name("primray"))]
+# What scenes are made by.
+SOURCES = tuple(
+    f"{name}.py" for name in ("scene", "scenes", "dim_rooms", "glass_scenes", "moving_scenes", "surfaces", "grooms", "shapes")
+)
 LIMIT_S = 900  # for a process
 Rows = list[dict[str, Any]]
 
@@ -37,12 +41,7 @@ def kept() -> Path:
 @cache
 def digest(scene: str) -> str:
     """Of everything the scene is made of; references of another scene by that name are not taken for this one's."""
-    sources = hashlib.sha256(
-        b"".join(
-            (PEERS / name).read_bytes()
-            for name in ("scene.py", "scenes.py", "moving_scenes.py", "surfaces.py", "grooms.py", "shapes.py")
-        )
-    ).hexdigest()[:12]
+    sources = hashlib.sha256(b"".join((PEERS / name).read_bytes() for name in SOURCES)).hexdigest()[:12]
     known = kept() / "digests" / f"{scene}_{sources}"  # making a scene takes seconds
     if not known.exists():
         known.parent.mkdir(parents=True, exist_ok=True)

@@ -11,6 +11,7 @@ import pytest
 from pxr import Usd, UsdGeom, UsdLux
 
 from .peers import loop
+from .peers.glass_scenes import GAP, POOL_DEPTH, POOL_SIDE, bulbs, pool
 from .peers.moving_scenes import swarm
 from .peers.plain import PlainScene
 from .peers.scene import Scene
@@ -32,6 +33,27 @@ def test_closed_meshes_face_outwards():
     assert volume(block((3.0, 1.0, 2.0), (1.0, 2.0, 3.0), 30)) == pytest.approx(48.0)
     assert volume(ball(4, 2.0, (1.0, 0.0, 5.0))) == pytest.approx(4 / 3 * np.pi * 8, rel=0.01)
     assert len(ball(4).faces) == 8 * 4**4
+
+
+def test_water_is_a_closed_body_that_faces_outwards():
+    water = pool().meshes["water"]
+    assert volume(water) == pytest.approx(POOL_SIDE**2 * (POOL_DEPTH - GAP), rel=0.02)
+    places = np.unique(np.round(water.points, 9), axis=0, return_inverse=True)[1]
+    corners_of = places[water.faces]
+    edges = np.concatenate([corners_of[:, [0, 1]], corners_of[:, [1, 2]], corners_of[:, [2, 0]]])
+    forward, back = ({tuple(edge) for edge in way.tolist()} for way in (edges, edges[:, ::-1]))
+    assert forward == back
+    assert len(forward) == len(edges)
+    assert water.normals is not None
+    a, b, c = corners(water)
+    assert (np.cross(b - a, c - a) * water.normals[water.faces[:, 0]]).sum(axis=1).min() > 0
+
+
+def test_globes_are_hollow():
+    made = bulbs()
+    outside, inside = made.meshes["outside_0"], made.meshes["inside_0"]
+    assert volume(outside) == pytest.approx(4 / 3 * np.pi * 0.2**3, rel=0.01)
+    assert volume(inside) == pytest.approx(-4 / 3 * np.pi * 0.19**3, rel=0.01)
 
 
 def test_a_rectangle_faces_along_u_times_v():

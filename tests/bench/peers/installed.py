@@ -11,6 +11,8 @@ ENVIRONMENTS = {"mitsuba": "mi", "cycles": "bpy", "luxcore": "lux"}
 PACKAGES = {"mitsuba": "mitsuba", "cycles": "bpy", "luxcore": "pyluxcore"}
 OURS = "primray"
 DENOISED = "denoised"  # a variant of those that can
+MOVING = ("spin", "pan", "swarm", "flag")
+BEHIND_GLASS = ("pool", "bulbs", "junk", "metals", "haze")  # light comes through glass or water
 
 
 @dataclass(frozen=True)
@@ -18,6 +20,7 @@ class Renderer:
     name: str  # peer and variant: mitsuba-llvm-multijitter
     peer: str
     variant: str = ""
+    scenes: tuple[str, ...] = ()  # that it is meant for; none: all
 
     @property
     def python(self) -> Path | None:
@@ -38,10 +41,13 @@ RENDERERS = (
     ),
     Renderer("cycles", "cycles"),
     Renderer("luxcore", "luxcore"),
+    *(Renderer(f"luxcore-{variant}", "luxcore", variant, BEHIND_GLASS) for variant in ("bidirectional", "photons")),
 )
 
 
-MOVING = ("spin", "pan", "swarm", "flag")
+def meant_for(scene: str) -> list[Renderer]:
+    """Return the renderers that a scene is made for, whether or not they are installed and can take it."""
+    return [renderer for renderer in RENDERERS if not renderer.scenes or scene in renderer.scenes]
 
 
 def reason_against(renderer: Renderer, scene: str) -> str | None:
@@ -60,14 +66,12 @@ def reason_against(renderer: Renderer, scene: str) -> str | None:
         return "it has no random walk below a surface with an albedo to meet"
     if scene in ("groom", "pelt") and renderer.peer == "mitsuba":
         return "its LLVM variants crashed in three of five runs (3.9.1)"
-    if scene == "lamps" and renderer.peer == "luxcore":
-        return "its sphere light has other units"
     return None
 
 
 def installed(scene: str) -> list[Renderer]:
     return [
         renderer
-        for renderer in RENDERERS
+        for renderer in meant_for(scene)
         if (renderer.peer == OURS or renderer.python is not None) and reason_against(renderer, scene) is None
     ]

@@ -1,4 +1,8 @@
-"""LuxCore on a compared scene (loop.py has the job): its CPU path tracer with the Sobol sampler, adaptive sampling off."""
+"""LuxCore on a compared scene (loop.py has the job), with the Sobol sampler, adaptive sampling off.
+
+Variants: its CPU path tracer; "bidirectional", its bidirectional one; "photons", the path tracer with its cache of caustics,
+which is biased: photons are gathered within PHOTON_RADIUS, which shrinks as it renders.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from .loop import Render, Save, Stages, run
 from .plain import EMITTING, PlainScene
 
 NEVER = 10**9
+PHOTON_RADIUS = 0.05  # in a scene's metres
 
 
 def setup(scene: PlainScene, job: dict[str, Any]) -> tuple[Render, Save, Stages]:
@@ -53,8 +58,7 @@ def _properties(pyluxcore: Any, values: dict[str, Any]) -> Any:
 def _settings(scene: PlainScene, job: dict[str, Any], samples: int, seed: int) -> dict[str, Any]:
     width, height = scene["resolution"]
     depth = scene["depth"] + 1  # it counts segments
-    return {
-        "renderengine.type": "PATHCPU",
+    return _of_variant(job["variant"], depth) | {
         "renderengine.seed": seed,
         "sampler.type": "SOBOL",
         "sampler.sobol.adaptive.strength": 0.0,
@@ -69,6 +73,19 @@ def _settings(scene: PlainScene, job: dict[str, Any], samples: int, seed: int) -
         "native.threads.count": job["threads"],
         "batch.haltspp": samples,
         "lightstrategy.type": "LOG_POWER",
+    }
+
+
+def _of_variant(variant: str, depth: int) -> dict[str, Any]:
+    if variant == "bidirectional":
+        return {"renderengine.type": "BIDIRCPU", "path.maxdepth": depth, "light.maxdepth": depth}
+    path = {"renderengine.type": "PATHCPU"}
+    if variant != "photons":
+        return path
+    return path | {
+        "path.photongi.caustic.enabled": 1,
+        "path.photongi.caustic.lookup.radius": PHOTON_RADIUS,
+        "path.photongi.photon.maxdepth": depth,
     }
 
 
@@ -123,13 +140,13 @@ def _lamp(scene: PlainScene, lamp: dict[str, Any], name: str) -> Any:
         yield at + "transformation", [0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
     elif lamp["kind"] == "sun":
         yield from ((at + "type", "sharpdistant"), (at + "direction", lamp["direction"]), (at + "color", color))
-    elif lamp["kind"] in ("rect", "disc", "tube"):
+    elif lamp["kind"] in ("rect", "disc", "tube", "ball"):
         for key, value in _glow(color):
             yield f"scene.materials.{name}.{key}", value
         yield f"scene.objects.{name}.ply", scene.ply(name)
         yield f"scene.objects.{name}.material", name
     else:
-        raise SystemExit(f"no {lamp['kind']} for LuxCore: its sphere light has other units")
+        raise SystemExit(f"no {lamp['kind']} for LuxCore")
 
 
 if __name__ == "__main__":

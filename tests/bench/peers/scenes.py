@@ -19,6 +19,8 @@ from functools import partial
 
 import numpy as np
 
+from .dim_rooms import ajar, arcade, attic
+from .glass_scenes import bulbs, junk, pool
 from .grooms import groom, pelt
 from .moving_scenes import flag, pan, spin, swarm
 from .scene import Camera, Lamp, Look, Placed, Rgb, Scene
@@ -312,6 +314,12 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "pelt": pelt,
     "signs": signs,
     "studio": studio,
+    "pool": pool,
+    "bulbs": bulbs,
+    "junk": junk,
+    "ajar": ajar,
+    "attic": attic,
+    "arcade": arcade,
     "spin": spin,
     "pan": pan,
     "swarm": swarm,

@@ -12,14 +12,23 @@ import OpenImageIO as oiio
 
 from .scene import Lamp, Scene
 from .scenes import SCENES
-from .shapes import Triangles, cylinder, disc, rectangle
+from .shapes import Triangles, ball, cylinder, disc, rectangle
 from .write_usd import write_usd
 
 LAMP_SHAPES: dict[str, Callable[[Lamp], Triangles]] = {
     "rect": lambda lamp: rectangle(lamp.center, lamp.half_u, lamp.half_v),
     "disc": lambda lamp: disc(lamp.center, lamp.half_u, lamp.half_v),
     "tube": lambda lamp: cylinder(lamp.center, lamp.half_u, lamp.radius),
+    "ball": lambda lamp: ball_of_area(lamp.center, lamp.radius),
 }
+
+
+def ball_of_area(center: tuple[float, ...], radius: float) -> Triangles:
+    """A ball of triangles that has the area of a sphere, and so its light, for those without spheres of light."""
+    made = ball(3, 1.0)
+    a, b, c = (made.points[made.faces[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    return replace(made, points=made.points * radius * np.sqrt(4 * np.pi / area) + np.asarray(center))
 
 
 def write_scene(name: str, folder: Path) -> None:

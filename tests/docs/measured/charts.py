@@ -47,17 +47,17 @@ def chart(title: str, x_name: str, y_name: str, lines: Sequence[Line]) -> str:
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="12">',
         f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
-        _text((LEFT + WIDTH - RIGHT) / 2, 18, title, "middle", size=14),
-        _text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 12, x_name, "middle"),
+        text((LEFT + WIDTH - RIGHT) / 2, 18, title, "middle", size=14),
+        text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 12, x_name, "middle"),
         f'<text transform="translate(16 {(TOP + HEIGHT - BOTTOM) / 2:.0f}) rotate(-90)" text-anchor="middle">'
         f"{escape(y_name)}</text>",
     ]
     for value in x.ticks():
-        parts.append(_rule(x(value), TOP, x(value), HEIGHT - BOTTOM))
-        parts.append(_text(x(value), HEIGHT - BOTTOM + 16, _number(value), "middle"))
+        parts.append(rule(x(value), TOP, x(value), HEIGHT - BOTTOM))
+        parts.append(text(x(value), HEIGHT - BOTTOM + 16, _number(value), "middle"))
     for value in y.ticks():
-        parts.append(_rule(LEFT, y(value), WIDTH - RIGHT, y(value)))
-        parts.append(_text(LEFT - 6, y(value) + 4, _number(value), "end"))
+        parts.append(rule(LEFT, y(value), WIDTH - RIGHT, y(value)))
+        parts.append(text(LEFT - 6, y(value) + 4, _number(value), "end"))
     for k, line in enumerate(lines):
         parts += _drawn(line, COLORS[(k if line.color is None else line.color) % len(COLORS)], x, y, legend_y=TOP + 12 + 20 * k)
     return "\n".join([*parts, "</svg>"]) + "\n"
@@ -78,15 +78,17 @@ def _drawn(line: Line, color: str, x: Axis, y: Axis, legend_y: float) -> list[st
             parts.append(f'<path d="M{x(px):.1f} {y(spread[0]):.1f}V{y(spread[1]):.1f}" stroke="{color}"/>')
     at = WIDTH - RIGHT + 12
     parts.append(f'<path d="M{at} {legend_y}h18" stroke="{color}" stroke-width="2"/>')
-    return [*parts, _text(at + 24, legend_y + 4, line.name, "start")]
+    return [*parts, text(at + 24, legend_y + 4, line.name, "start")]
 
 
-def _rule(x0: float, y0: float, x1: float, y1: float) -> str:
+def rule(x0: float, y0: float, x1: float, y1: float) -> str:
+    """Return a grey line."""
     return f'<path d="M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}" stroke="#ddd"/>'
 
 
-def _text(x: float, y: float, text: str, anchor: str, size: int = 12) -> str:
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="{size}">{escape(text)}</text>'
+def text(x: float, y: float, words: str, anchor: str, size: int = 12) -> str:
+    """Return a line of text; `anchor`: start, middle or end."""
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="{size}">{escape(words)}</text>'
 
 
 def _number(value: float) -> str:
