@@ -64,10 +64,11 @@ void bind_first_hit(nb::module_& m);
 void bind_subdivision(nb::module_& m);
 void bind_testing(nb::module_& m);
 void bind_caustics(nb::module_& m, nb::module_& testing);
-void bind_math(nb::module_& m);       // submodule testing
-void bind_phases(nb::module_& m);     // submodule testing
-void bind_hierarchy(nb::module_& m);  // submodule testing
-void bind_replay(nb::module_& m);     // submodule testing
-void bind_grids(nb::module_& m);      // submodule testing
+void bind_math(nb::module_& m);         // submodule testing
+void bind_phases(nb::module_& m);       // submodule testing
+void bind_guide_tests(nb::module_& m);  // submodule testing
+void bind_hierarchy(nb::module_& m);    // submodule testing
+void bind_replay(nb::module_& m);       // submodule testing
+void bind_grids(nb::module_& m);        // submodule testing
 
 }  // namespace primray

@@ -1,6 +1,7 @@
 // Path guiding: where light comes from, learnt before the render. For each region of space and orientation of surfaces a
-// histogram over a hemisphere of directions, from which scattered rays are sampled beside the BSDF. It is only a density:
-// whatever was learnt, the image is unbiased.
+// histogram over a hemisphere of directions, from which scattered rays are sampled beside the BSDF; and for each region of
+// participating media one over the whole sphere, beside the phase function. It is only a density: whatever was learnt, the
+// image is unbiased.
 //
 // After Mueller, Gross and Novak 2017, "Practical Path Guiding", with simpler tables: regions are boxes of cells of a grid over
 // the vertices of the learning paths, halved until each holds few records; directions fall into fixed bins, by the cosine to
@@ -15,23 +16,35 @@
 
 namespace primray {
 
-// Probability of sampling a scattered ray from the guide, where it is valid.
+// Probability of sampling a scattered ray from the guide, where it is valid; in media at most.
 constexpr float kGuideShare = 0.5f;
 
-// Location of points in the guide: the region, or -1, and the orientation.
-template <int W>
+// Location of points in the guide: the region, or -1, and the orientation. Regions are of hemispheres on surfaces.
+template <int W, bool kInMedium = false>
 struct GuideLocation {
+  static constexpr float share = kGuideShare;
   vint<W> region, side;
+};
+// Inside media regions are of spheres, and the share depends on the phase function.
+template <int W>
+struct GuideLocation<W, true> {
+  vint<W> region;
+  vfloat<W> share;
 };
 
 struct Guide {
   static constexpr int kGrid = 16, kSides = 6;  // cells along each axis; orientations by the normal's largest component
+  static constexpr int kInside = kSides;        // in their place inside media, where the axis is that of the last two
   static constexpr int kCosine = 8, kAzimuth = 32, kBins = kCosine * kAzimuth;
 
-  float low[3], cells_per_unit[3];
+  struct Grid {
+    float low[3], cells_per_unit[3];
+  };
+  Grid surfaces, media;
+  bool has_media = false;       // `region` has cells for kInside
   std::vector<int32_t> region;  // by orientation and cell; -1 where too little is known
   std::vector<float> cdf;       // kBins + 1 per region, from 0 to 1
-  std::vector<float> received;  // by region: cosine-weighted mean of the radiance from its hemisphere
+  std::vector<float> received;  // by region: mean of the radiance, on surfaces from the hemisphere and weighted by the cosine
   float usual = 0;              // mean over all regions
   bool alone = false;           // caustic photons are not worth their time beside this guide
   int64_t memory_bytes() const { return int64_t(4 * (region.size() + cdf.size() + received.size())); }
@@ -45,16 +58,21 @@ struct Guide {
     return axis * vint<W>(2) + select(largest < vfloat<W>(0.0f), vint<W>(1), vint<W>(0));
   }
   template <int W>
-  PRIMRAY_INLINE vint<W> cell_of(vint<W> side, const vvec3<W>& p) const {
+  static PRIMRAY_INLINE vint<W> cell_of(const Grid& grid, vint<W> side, const vvec3<W>& p) {
     const auto cell = [&](vfloat<W> x, int axis) {
-      return truncate(clamp((x - low[axis]) * cells_per_unit[axis], 0.0f, kGrid - 0.5f));
+      return truncate(clamp((x - grid.low[axis]) * grid.cells_per_unit[axis], 0.0f, kGrid - 0.5f));
     };
     return ((side * vint<W>(kGrid) + cell(p.z, 2)) * vint<W>(kGrid) + cell(p.y, 1)) * vint<W>(kGrid) + cell(p.x, 0);
   }
   template <int W>
   PRIMRAY_INLINE GuideLocation<W> place_of(const vvec3<W>& p, const vvec3<W>& n) const {
     const vint<W> side = side_of<W>(n);
-    return {gather<W>(region.data(), cell_of(side, p)), side};
+    return {gather<W>(region.data(), cell_of(surfaces, side, p)), side};
+  }
+  // Region of points inside media, or -1.
+  template <int W>
+  PRIMRAY_INLINE vint<W> region_inside(const vvec3<W>& p) const {
+    return has_media ? gather<W>(region.data(), cell_of(media, vint<W>(kInside), p)) : vint<W>(-1);
   }
 
   // Rotates between world axes and those of an orientation, whose last axis is the orientation's: axes are permuted cyclically,
@@ -73,45 +91,70 @@ struct Guide {
     return {select(x, axis, select(y, d.y, d.x)), select(x, d.x, select(y, axis, d.y)), select(x, d.y, select(y, d.x, axis))};
   }
 
-  // Bin of direction `d` in an orientation's axes (valid where d.z > 0), and the density per solid angle of choosing a bin and
-  // a direction in it uniformly.
+  // Position of directions in the rows of bins by their cosine to the axis, from 0 to 1, and back; even in solid angle.
+  template <bool kInMedium, int W>
+  static PRIMRAY_INLINE vfloat<W> height_of(vfloat<W> cosine) {
+    if constexpr (kInMedium)
+      return 0.5f * cosine + 0.5f;
+    else
+      return cosine;
+  }
+  template <bool kInMedium, int W>
+  static PRIMRAY_INLINE vfloat<W> cosine_at(vfloat<W> height) {
+    if constexpr (kInMedium)
+      return 2.0f * height - 1.0f;
+    else
+      return height;
+  }
+
+  // Bin of direction `d` in an orientation's axes (valid where d.z > 0, or inside media), and the density per solid angle of
+  // choosing a bin and a direction in it uniformly.
   template <int W>
   struct Bin {
     vint<W> number;
     vfloat<W> density;
   };
-  template <int W>
+  template <bool kInMedium, int W>
   static PRIMRAY_INLINE Bin<W> bin_of(const vvec3<W>& d) {
     const vfloat<W> zero(0.0f), x = abs(d.x), y = abs(d.y), sum = max(x + y, 1e-20f), part = y / sum;
     // A full turn is 4: part of a quadrant, forwards or backwards.
     const vfloat<W> around =
         select(d.y >= zero, select(d.x >= zero, part, 2.0f - part), select(d.x < zero, 2.0f + part, 4.0f - part));
     const vint<W> a = truncate(clamp(around * (kAzimuth / 4.0f), 0.0f, kAzimuth - 0.5f));
-    const vint<W> c = truncate(clamp(d.z * float(kCosine), 0.0f, kCosine - 0.5f));
+    const vint<W> c = truncate(clamp(height_of<kInMedium>(d.z) * float(kCosine), 0.0f, kCosine - 0.5f));
     const vfloat<W> rest = 1.0f - part;
-    return {c * vint<W>(kAzimuth) + a, 0.25f * (part * part + rest * rest)};
+    return {c * vint<W>(kAzimuth) + a, (kInMedium ? 0.125f : 0.25f) * (part * part + rest * rest)};
   }
 
   // Density of directions `d` (world space) per solid angle, in valid regions.
-  template <int W>
-  PRIMRAY_INLINE vfloat<W> pdf(const GuideLocation<W>& at, const vvec3<W>& d) const {
-    const vvec3<W> local = to_side(at.side, d);
-    const Bin<W> bin = bin_of(local);
+  template <bool kInMedium, int W>
+  PRIMRAY_INLINE vfloat<W> pdf(const GuideLocation<W, kInMedium>& at, const vvec3<W>& d) const {
+    vvec3<W> local = d;
+    if constexpr (!kInMedium) local = to_side(at.side, d);
+    const Bin<W> bin = bin_of<kInMedium>(local);
     const vint<W> i = at.region * vint<W>(kBins + 1) + bin.number;
     const vfloat<W> mass = gather<W>(cdf.data() + 1, i) - gather<W>(cdf.data(), i);
-    return select(local.z > vfloat<W>(0.0f), mass * float(kBins) * bin.density, vfloat<W>(0.0f));
+    if constexpr (kInMedium)
+      return mass * float(kBins) * bin.density;
+    else
+      return select(local.z > vfloat<W>(0.0f), mass * float(kBins) * bin.density, vfloat<W>(0.0f));
   }
 
   // Learnt radiance from directions `d`, in valid regions.
-  template <int W>
-  PRIMRAY_INLINE vfloat<W> radiance(const GuideLocation<W>& at, const vvec3<W>& d) const {
-    // The pdf is that of radiance times cosine; in the lowest bin the cosine is too small to divide by.
-    const vfloat<W> cosine = max(abs(to_side(at.side, d).z), 1.0f / kCosine);
-    return gather<W>(received.data(), at.region) * kPi * pdf(at, d) / cosine;
+  template <bool kInMedium, int W>
+  PRIMRAY_INLINE vfloat<W> radiance(const GuideLocation<W, kInMedium>& at, const vvec3<W>& d) const {
+    const vfloat<W> mean = gather<W>(received.data(), at.region);
+    if constexpr (kInMedium) {
+      return mean * (4 * kPi) * pdf(at, d);
+    } else {
+      // The pdf is that of radiance times cosine; in the lowest bin the cosine is too small to divide by.
+      const vfloat<W> cosine = max(abs(to_side(at.side, d).z), 1.0f / kCosine);
+      return mean * kPi * pdf(at, d) / cosine;
+    }
   }
 
-  template <int W>
-  PRIMRAY_INLINE vvec3<W> sample(const GuideLocation<W>& at, vfloat<W> u, vfloat<W> v) const {
+  template <bool kInMedium, int W>
+  PRIMRAY_INLINE vvec3<W> sample(const GuideLocation<W, kInMedium>& at, vfloat<W> u, vfloat<W> v) const {
     const vint<W> base = at.region * vint<W>(kBins + 1);
     vint<W> bin(0);
     for (int step = kBins / 2; step > 0; step /= 2) {
@@ -121,13 +164,17 @@ struct Guide {
     const vfloat<W> begin = gather<W>(cdf.data(), base + bin), end = gather<W>(cdf.data() + 1, base + bin);
     const vfloat<W> within = clamp((u - begin) / max(end - begin, 1e-20f), 0.0f, 0x1.fffffep-1f);
     const vint<W> c = bin >> 5, a = bin & vint<W>(kAzimuth - 1);
-    const vfloat<W> cosine = (to_float(c) + within) * (1.0f / kCosine);
+    const vfloat<W> cosine = cosine_at<kInMedium>((to_float(c) + within) * (1.0f / kCosine));
     const vfloat<W> around = (to_float(a) + v) * (4.0f / kAzimuth);
     // Along the diamond, and out to the circle.
     const vfloat<W> x = abs(around - 2.0f) - 1.0f,
                     y = 1.0f - abs(select(around > vfloat<W>(3.0f), around - 5.0f, around - 1.0f));
     const vfloat<W> ring = sqrt(max(1.0f - cosine * cosine, 0.0f) / (x * x + y * y));
-    return from_side(at.side, vvec3<W>(x * ring, y * ring, cosine));
+    const vvec3<W> local(x * ring, y * ring, cosine);
+    if constexpr (kInMedium)
+      return local;
+    else
+      return from_side(at.side, local);
   }
 };
 
@@ -136,6 +183,7 @@ struct Guide {
 struct GuideRecord {
   float p[3], n[3], d[3], pdf, own_pdf, survival, beta, cosine, found;
   int32_t round;
+  bool in_medium;  // which has no normal
 };
 
 // Records of a task's paths, by slot.

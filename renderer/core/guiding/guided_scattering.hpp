@@ -7,6 +7,7 @@
 #include "bsdf/bsdf.hpp"
 #include "guiding/caustic_guide.hpp"
 #include "guiding/guide.hpp"
+#include "medium/phase_function.hpp"
 #include "ray/ray.hpp"
 #include "sampler/sampler.hpp"
 
@@ -94,34 +95,56 @@ PRIMRAY_RARE GuideLocation<W> find_place(const Guide& guide, vbool<W> scatters, 
   return place;
 }
 
-// Density of directions `wi` (world space) of the mixture, from the BSDF's density.
+// Locates points inside media in the guide. The narrower the phase function, the less the guide is used, which knows nothing of
+// it: a path along which light is scattered forwards many times would have a weight of 1 / (1 - share) more for each of them.
+// Henyey and Greenstein's covers a part of the sphere, as 1 over the integral of its square, of (1 - g^2)^2 / (1 + g^2).
 template <int W>
-PRIMRAY_RARE vfloat<W> mixed_pdf(const Guide& guide, const GuideLocation<W>& place, const vvec3<W>& wi, vfloat<W> bsdf_pdf) {
+PRIMRAY_RARE GuideLocation<W, true> find_place_inside(const Guide& guide, const vvec3<W>& p, vfloat<W> phase) {
+  const vfloat<W> g = mean_cosine(phase), g2 = g * g, rest = 1.0f - g2;
+  return {guide.region_inside(p), kGuideShare * rest * rest / (1.0f + g2)};
+}
+
+// Location with a region to read in every lane.
+template <bool kInMedium, int W>
+PRIMRAY_INLINE GuideLocation<W, kInMedium> valid_place(const GuideLocation<W, kInMedium>& place) {
+  GuideLocation<W, kInMedium> valid = place;
+  valid.region = max(place.region, vint<W>(0));
+  return valid;
+}
+
+// Density of directions `wi` (world space) of the mixture, from the BSDF's density.
+template <bool kInMedium, int W>
+PRIMRAY_RARE vfloat<W> mixed_pdf(const Guide& guide, const GuideLocation<W, kInMedium>& place, const vvec3<W>& wi,
+                                 vfloat<W> bsdf_pdf) {
   const vbool<W> known = place.region >= vint<W>(0);
-  const vfloat<W> pdf = guide.pdf<W>({max(place.region, vint<W>(0)), place.side}, wi);
-  return select(known, bsdf_pdf * (1.0f - kGuideShare) + pdf * kGuideShare, bsdf_pdf);
+  const vfloat<W> pdf = guide.pdf(valid_place(place), wi);
+  return select(known, bsdf_pdf * (1.0f - place.share) + pdf * place.share, bsdf_pdf);
 }
 
 // Chooses the lanes whose direction the guide samples. One random number chooses and is rescaled, so that its strata serve
 // both.
-template <int W>
-PRIMRAY_RARE vbool<W> choose_guide(const GuideLocation<W>& place, vfloat<W>& u) {
-  const vbool<W> known = place.region >= vint<W>(0), by_guide = known & (u < vfloat<W>(kGuideShare));
-  const vfloat<W> rest = select(by_guide, u * (1.0f / kGuideShare), (u - kGuideShare) * (1.0f / (1.0f - kGuideShare)));
+template <bool kInMedium, int W>
+PRIMRAY_RARE vbool<W> choose_guide(const GuideLocation<W, kInMedium>& place, vfloat<W>& u) {
+  const vbool<W> known = place.region >= vint<W>(0), by_guide = known & (u < vfloat<W>(place.share));
+  const vfloat<W> rest = select(by_guide, u * (1.0f / place.share), (u - place.share) * (1.0f / (1.0f - place.share)));
   u = select(known, min(rest, 0x1.fffffep-1f), u);
   return by_guide;
 }
 
-// Samples the direction of lanes `by_guide` from the guide in place of the BSDF, and weights by the mixture's density wherever
-// the guide is valid.
-template <int W, class Lobes>
-PRIMRAY_RARE void sample_guided(const Guide& guide, const GuideLocation<W>& place, vbool<W> by_guide, const Pair<W>& u,
-                                const Frame<vfloat<W>>& frame, const vvec3<W>& wo, const Lobes& bsdf, BsdfSample<W>& s) {
+// Samples the direction of lanes `by_guide` from the guide in place of the BSDF or the phase function, and weights by the
+// mixture's density wherever the guide is valid.
+template <bool kInMedium, int W, class Lobes>
+PRIMRAY_RARE void sample_guided(const Guide& guide, const GuideLocation<W, kInMedium>& place, vbool<W> by_guide,
+                                const Pair<W>& u, const Frame<vfloat<W>>& frame, const vvec3<W>& wo, const Lobes& bsdf,
+                                BsdfSample<W>& s) {
   const vbool<W> known = place.region >= vint<W>(0);
   if (!any(known)) return;
-  const GuideLocation<W> valid{max(place.region, vint<W>(0)), place.side};
-  if (any(by_guide)) s.wi = select(by_guide, frame.to_local(guide.sample<W>(valid, u.u, u.v)), s.wi);
-  const vbool<W> reflects = known & (s.wi.z > vfloat<W>(0.0f));
+  if (any(by_guide)) s.wi = select(by_guide, frame.to_local(guide.sample(valid_place(place), u.u, u.v)), s.wi);
+  vbool<W> reflects = known;
+  if constexpr (kInMedium)
+    s.transmits = select(by_guide, s.wi.z < vfloat<W>(0.0f), s.transmits);
+  else
+    reflects &= s.wi.z > vfloat<W>(0.0f);
   const BsdfEval<W> f = bsdf.eval(wo, s.wi);
   const vvec3<W> sum = f.diffuse + f.specular;
   const vfloat<W> pdf = max(mixed_pdf(guide, place, frame.to_world(s.wi), f.pdf), 1e-30f);
@@ -142,10 +165,11 @@ constexpr float kLeastReceived = 0.01f;
 
 // Factor by which directions `d` are expected to bring more light than the path's first surface receives; 0 before a path has
 // hit a surface in the guide. `first`: radiance received there, 0 before.
-template <int W>
-PRIMRAY_RARE vfloat<W> expected_light(const Guide& guide, const GuideLocation<W>& place, const vvec3<W>& d, vfloat<W>& first) {
+template <bool kInMedium, int W>
+PRIMRAY_RARE vfloat<W> expected_light(const Guide& guide, const GuideLocation<W, kInMedium>& place, const vvec3<W>& d,
+                                      vfloat<W>& first) {
   const vbool<W> known = place.region >= vint<W>(0);
-  const GuideLocation<W> valid{max(place.region, vint<W>(0)), place.side};
+  const GuideLocation<W, kInMedium> valid = valid_place(place);
   const vfloat<W> zero(0.0f), least(guide.usual * kLeastReceived);
   first = select(known & (first == zero), max(gather<W>(guide.received.data(), valid.region), least), first);
   const vfloat<W> light = select(known, guide.radiance(valid, d), vfloat<W>(guide.usual));
@@ -153,10 +177,10 @@ PRIMRAY_RARE vfloat<W> expected_light(const Guide& guide, const GuideLocation<W>
 }
 
 // Records vertices `p` and the rays `n` sampled there with density `pdf` and survival probability `survival`, for learning.
-template <int W>
+template <bool kInMedium, int W>
 PRIMRAY_RARE void keep_vertex(GuideLog& log, vbool<W> m, const vvec3<W>& p, const vvec3<W>& ng, const vvec3<W>& ns,
                               vfloat<W> pdf, vfloat<W> survival, const PathLanes<W>& n) {
-  const vfloat<W> beta = n.beta.x + n.beta.y + n.beta.z, cosine = abs(dot(ns, n.ray.d));
+  const vfloat<W> beta = n.beta.x + n.beta.y + n.beta.z, cosine = kInMedium ? vfloat<W>(1.0f) : abs(dot(ns, n.ray.d));
   const vvec3<W>& d = n.ray.d;
   for (uint32_t b = bits(m); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
@@ -169,7 +193,8 @@ PRIMRAY_RARE void keep_vertex(GuideLog& log, vbool<W> m, const vvec3<W>& p, cons
                                beta[i],
                                cosine[i],
                                0.0f,
-                               log.round});
+                               log.round,
+                               kInMedium});
   }
 }
 

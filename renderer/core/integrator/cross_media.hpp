@@ -305,7 +305,10 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
     if (round.deep) place_events(round, scatters, t, true, p);
     for (uint32_t b = bits(scatters & (p.vertex == vint<W>(0))); b; b &= b - 1)
       alpha_of(round, p.slot[__builtin_ctz(b)]) = 1.0f;
-    const vbool<W> lit = scatters & is_lit(scene, state), kinds[2] = {scatters & !lit, lit};
+    vbool<W> lit = scatters & is_lit(scene, state);
+    // Guides are for vertices of both kinds, if no lights are sampled anywhere.
+    if (scene.lights.count == 0 && (round.settings.guide || round.settings.guide_log)) lit = scatters & !in_subsurface;
+    const vbool<W> kinds[2] = {scatters & !lit, lit};
     for_kinds(round.has_parts(), kinds, [&](int kind, vbool<W> lanes) {
       if (kind == 0) return scatter_unlit(round, lanes, p, t, state, phase);
       scatter_lit(round, lanes, p, lane_numbers<W>() + vint<W>(at), t, state, phase);

@@ -23,8 +23,9 @@ PRIMRAY_INLINE void with_phase_vertex(const Round& round, const PathLanes<W>& p,
   const vvec3<W> head_on(vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f));
   PhaseLobes<W> lobes(phase);
   lobes.path = path;
-  f(Vertex<W, PhaseLobes<W>>{
-      it, back, Frame<vfloat<W>>(back), head_on, lobes, hits, {vint<W>(-1), vint<W>(0)}, nullptr, media});
+  GuideLocation<W, true> place{vint<W>(-1), vfloat<W>(0.0f)};
+  if (round.settings.guide) place = find_place_inside<W>(*round.settings.guide, it.p, phase);
+  f(Vertex<W, PhaseLobes<W>>{it, back, Frame<vfloat<W>>(back), head_on, lobes, hits, place, nullptr, media});
 }
 
 }  // namespace primray

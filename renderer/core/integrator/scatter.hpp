@@ -237,8 +237,9 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   }
 
   // Store the paths that continue
-  if (round.settings.guide_log && !Lobes::kInMedium)
-    keep_vertex(*round.settings.guide_log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, survive, n);
+  if (round.settings.guide_log)
+    keep_vertex<Lobes::kInMedium>(*round.settings.guide_log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, survive,
+                                  n);
   const Compaction<W> c(alive);
   if (in_media) put_medium_state(round, c, *v.media, s, origin_distance_of(v.it.offset, v.ng, n.ray.d));
   round.worker.next->append(c, n, round.needs);

@@ -102,9 +102,9 @@ struct Vertex {
   vvec3<W> wo;  // in that frame
   Lobes bsdf;
   const Hits<W>& hits;
-  GuideLocation<W> place;           // region -1: sampled by the BSDF alone
-  const CausticLanes<W>* caustics;  // null: no caustic guiding
-  const MediumInterface<W>* media;  // null: media are not followed
+  GuideLocation<W, Lobes::kInMedium> place;  // region -1: sampled by the BSDF alone
+  const CausticLanes<W>* caustics;           // null: no caustic guiding
+  const MediumInterface<W>* media;           // null: media are not followed
 };
 
 // Normal of the hemisphere in which lights are chosen; 0 if the surface transmits light from both sides.
