@@ -361,6 +361,65 @@ PRIMRAY_INLINE Vector<T, W> gather(const T* base, vint<W> index) {
   for (int i = 0; i < W; ++i) r.v[i] = base[index.v[i]];
   return r;
 }
+// Words of 32 bits at base + kStride * index in every lane, and those after them: one load of 64 bits per lane and a
+// transposition cost less than one gather, where gathers are slow.
+template <class T, int W>
+struct TwoLanes {
+  Vector<T, W> x, y;
+};
+template <int W, int kStride>
+PRIMRAY_INLINE TwoLanes<int32_t, W> gather_words(const void* base, vint<W> index) {
+  const char* const bytes = static_cast<const char*>(base);
+  using Raw = typename vint<W>::Raw;
+#if defined(__AVX512F__)
+  if constexpr (W == 16) {
+    alignas(64) int32_t at[16];
+    store(at, index);
+    const auto word = [&](int i) { return bytes + int64_t(at[i]) * kStride; };
+    // Lanes i and i + 1, i + 4 and i + 5, ...
+    const auto pairs = [&](int i) {
+      const auto two = [&](int k) {
+        const __m128 low = _mm_castsi128_ps(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(word(k))));
+        return _mm_loadh_pi(low, reinterpret_cast<const __m64*>(word(k + 1)));
+      };
+      const __m256 low = _mm256_insertf128_ps(_mm256_castps128_ps256(two(i)), two(i + 4), 1);
+      const __m256 high = _mm256_insertf128_ps(_mm256_castps128_ps256(two(i + 8)), two(i + 12), 1);
+      return _mm512_insertf32x8(_mm512_castps256_ps512(low), high, 1);
+    };
+    const __m512 a = pairs(0), b = pairs(2);
+    return {(Raw)_mm512_shuffle_ps(a, b, 0x88), (Raw)_mm512_shuffle_ps(a, b, 0xdd)};
+  }
+#endif
+#if defined(__AVX2__)
+  if constexpr (W == 8) {
+    alignas(32) int32_t at[8];
+    store(at, index);
+    const auto word = [&](int i) { return bytes + int64_t(at[i]) * kStride; };
+    const auto pairs = [&](int i) {
+      const auto two = [&](int k) {
+        const __m128 low = _mm_castsi128_ps(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(word(k))));
+        return _mm_loadh_pi(low, reinterpret_cast<const __m64*>(word(k + 1)));
+      };
+      return _mm256_insertf128_ps(_mm256_castps128_ps256(two(i)), two(i + 4), 1);
+    };
+    const __m256 a = pairs(0), b = pairs(2);
+    return {(Raw)_mm256_shuffle_ps(a, b, 0x88), (Raw)_mm256_shuffle_ps(a, b, 0xdd)};
+  }
+#endif
+  TwoLanes<int32_t, W> r;
+  for (int i = 0; i < W; ++i) {
+    int32_t words[2];
+    std::memcpy(words, bytes + int64_t(index[i]) * kStride, sizeof words);
+    r.x.set(i, words[0]), r.y.set(i, words[1]);
+  }
+  return r;
+}
+// base[index] and base[index + 1] in every lane, both of which must exist.
+template <int W, class T>
+PRIMRAY_INLINE TwoLanes<T, W> gather_two(const T* base, vint<W> index) {
+  const TwoLanes<int32_t, W> r = gather_words<W, int(sizeof(T))>(base, index);
+  return {bit_cast<Vector<T, W>>(r.x), bit_cast<Vector<T, W>>(r.y)};
+}
 // base[index] to base[index + 3] in every lane, all four of which must exist: one load per lane and a transposition cost less
 // than gathers of the four, or of three of them.
 template <class T, int W>

@@ -9,7 +9,8 @@ namespace primray {
 
 template <int W>
 PRIMRAY_INLINE vvec3<W> gather_vec3(const float* base, vint<W> at) {
-  return {gather<W>(base, at), gather<W>(base + 1, at), gather<W>(base + 2, at)};
+  const TwoLanes<float, W> xy = gather_two<W>(base, at), yz = gather_two<W>(base + 1, at);
+  return {xy.x, xy.y, yz.y};
 }
 
 // Rows of three values of a padded table, such as Scene::positions and ::indices.

@@ -47,9 +47,15 @@ PRIMRAY_INLINE Texels<C, W> fetch(const TextureImage& image, vint<W> at) {
     return r;
   }
   const uint16_t* base = image.small.data();
-  const vint<W> low(0xffff), pair = gather_pairs<W>(base, at);
-  vint<W> code[3] = {pair & low, (pair >> 16) & low, vint<W>(0)};
-  if constexpr (C == 3) code[2] = gather_pairs<W>(base + 2, at) & low;
+  const vint<W> low(0xffff);
+  vint<W> code[C];
+  if constexpr (C == 3) {
+    const TwoLanes<int32_t, W> words = gather_words<W, int(sizeof(uint16_t))>(base, at);
+    code[0] = words.x & low, code[1] = (words.x >> 16) & low, code[2] = words.y & low;
+  } else {
+    const vint<W> pair = gather_pairs<W>(base, at);
+    for (int c = 0; c < C; ++c) code[c] = (pair >> (16 * c)) & low;
+  }
   const bool half = image.format == TexelFormat::kHalf;
   for (int c = 0; c < C; ++c) r.c[c] = half ? float_from_half(code[c]) : to_float(code[c]) / vfloat<W>(65535.0f);
   return r;

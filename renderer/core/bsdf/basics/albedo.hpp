@@ -28,14 +28,14 @@ PRIMRAY_INLINE LobeAlbedo<W> ggx_albedo(vfloat<W> cos_theta, vfloat<W> roughness
   const vint<W> yi = min(truncate(y), kAlbedoRoughnesses - 2), xi = min(truncate(x), kAlbedoCosines - 2);
   const vfloat<W> fy = y - to_float(yi), fx = x - to_float(xi);
   const vint<W> at = yi * vint<W>(2 * kAlbedoCosines) + xi + xi;
-  const auto read = [&](const float* table) {
-    const vfloat<W> a = gather<W>(table, at), b = gather<W>(table + 2, at);
-    const vfloat<W> c = gather<W>(table + 2 * kAlbedoCosines, at), d = gather<W>(table + 2 * kAlbedoCosines + 2, at);
+  // Pairs of two cosines, of both roughnesses.
+  const FourLanes<float, W> p = gather_four<W>(kAlbedoPairs, at), q = gather_four<W>(kAlbedoPairs + 2 * kAlbedoCosines, at);
+  const auto between = [&](vfloat<W> a, vfloat<W> b, vfloat<W> c, vfloat<W> d) {
     const vfloat<W> low = a + (b - a) * fx, high = c + (d - c) * fx;
     return low + (high - low) * fy;
   };
-  const vfloat<W> total = min(read(kAlbedoPairs), 1.0f);
-  const vfloat<W> fresnel_cosine = mu + alpha / (r + 0.05f) * read(kAlbedoPairs + 1);
+  const vfloat<W> total = min(between(p.x, p.z, q.x, q.z), 1.0f);
+  const vfloat<W> fresnel_cosine = mu + alpha / (r + 0.05f) * between(p.y, p.w, q.y, q.w);
   const vfloat<W> m = clamp(1.0f - fresnel_cosine, 0.0f, 1.0f), m2 = m * m, share = m2 * m2 * m;
   return {total * (1.0f - share), total * share};
 }
@@ -45,8 +45,8 @@ template <int W>
 PRIMRAY_INLINE vfloat<W> diffuse_fresnel_loss(vfloat<W> cos_theta) {
   const vfloat<W> x = clamp(cos_theta, 0.0f, 1.0f) * float(kDiffuseFresnelLosses - 1);
   const vint<W> i = min(truncate(x), kDiffuseFresnelLosses - 2);
-  const vfloat<W> a = gather<W>(kDiffuseFresnelLoss, i), b = gather<W>(kDiffuseFresnelLoss + 1, i);
-  return a + (b - a) * (x - to_float(i));
+  const TwoLanes<float, W> loss = gather_two<W>(kDiffuseFresnelLoss, i);
+  return loss.x + (loss.y - loss.x) * (x - to_float(i));
 }
 
 }  // namespace primray

@@ -42,9 +42,8 @@ PRIMRAY_INLINE vfloat<W> read_albedo(const float* table, const NodePlace<W>& out
                                      const NodePlace<W>& column, int rows, int columns) {
   const auto plane = [&](const vint<W>& of) {
     const vint<W> at = (of * vint<W>(rows) + row.first) * vint<W>(columns) + column.first;
-    const vfloat<W> low = between(gather<W>(table, at), gather<W>(table + 1, at), column.part);
-    const vfloat<W> high = between(gather<W>(table + columns, at), gather<W>(table + columns + 1, at), column.part);
-    return between(low, high, row.part);
+    const TwoLanes<float, W> a = gather_two<W>(table, at), b = gather_two<W>(table + columns, at);
+    return between(between(a.x, a.y, column.part), between(b.x, b.y, column.part), row.part);
   };
   return between(plane(outer.first), plane(outer.first + vint<W>(1)), outer.part);
 }
@@ -91,7 +90,8 @@ PRIMRAY_INLINE vfloat<W> brushed_ratio(const vvec3<W>& wo, vfloat<W> roughness, 
   const auto at_cosine = [&](vint<W> of, vint<W> r, vint<W> c) {
     const vint<W> at =
         ((of * vint<W>(kBrushedRoughnesses) + r) * vint<W>(kBrushedCosines) + c) * vint<W>(kBrushedAzimuths) + azimuth.first;
-    return between(gather<W>(kBrushedTable, at), gather<W>(kBrushedTable + 1, at), azimuth.part);
+    const TwoLanes<float, W> a = gather_two<W>(kBrushedTable, at);
+    return between(a.x, a.y, azimuth.part);
   };
   const vint<W> one(1);
   const auto plane = [&](vint<W> of) {

@@ -20,15 +20,16 @@ struct Fuzz {
     const vint<W> yi = min(truncate(y), kFuzzNodes - 2), xi = min(truncate(x), kFuzzNodes - 2);
     const vfloat<W> fy = y - to_float(yi), fx = x - to_float(xi);
     const vint<W> at = (yi * vint<W>(kFuzzNodes) + xi) * vint<W>(3);
-    const auto read = [&](int k) {
-      const float* t = kFuzzTable + k;
-      const vfloat<W> p = gather<W>(t, at), q = gather<W>(t + 3, at);
-      const vfloat<W> r = gather<W>(t + 3 * kFuzzNodes, at), s = gather<W>(t + 3 * kFuzzNodes + 3, at);
-      const vfloat<W> low = p + (q - p) * fx, high = r + (s - r) * fx;
+    // Three values of two nodes, of both roughnesses.
+    const float* const second = kFuzzTable + 3 * kFuzzNodes;
+    const FourLanes<float, W> p = gather_four<W>(kFuzzTable, at), r = gather_four<W>(second, at);
+    const TwoLanes<float, W> q = gather_two<W>(kFuzzTable + 4, at), s = gather_two<W>(second + 4, at);
+    const auto between = [&](vfloat<W> p0, vfloat<W> p1, vfloat<W> r0, vfloat<W> r1) {
+      const vfloat<W> low = p0 + (p1 - p0) * fx, high = r0 + (r1 - r0) * fx;
       return low + (high - low) * fy;
     };
     // A smooth lobe reflects nothing, and its coefficients are undefined.
-    a = max(read(0), 1e-3f), b = read(1), reflected = read(2);
+    a = max(between(p.x, p.w, r.x, r.w), 1e-3f), b = between(p.y, q.x, r.y, s.x), reflected = between(p.z, q.y, r.z, s.y);
     const vfloat<W> side2 = wo.x * wo.x + wo.y * wo.y, scale = 1.0f / sqrt(max(side2, 1e-12f));
     const vbool<W> aside = side2 > vfloat<W>(1e-12f);
     cos_phi = select(aside, wo.x * scale, 1.0f), sin_phi = select(aside, wo.y * scale, 0.0f);

@@ -97,7 +97,12 @@ struct LightRow {
   PRIMRAY_INLINE vfloat<W> operator()(int field) const {
     return uniform >= 0 ? vfloat<W>(rows[uniform + field]) : gather<W>(rows + field, offset);
   }
-  PRIMRAY_INLINE vvec3<W> vector(int field) const { return {(*this)(field), (*this)(field + 1), (*this)(field + 2)}; }
+  // Reads three fields at once; no vector is the last of a row.
+  PRIMRAY_INLINE vvec3<W> vector(int field) const {
+    if (uniform >= 0) return {(*this)(field), (*this)(field + 1), (*this)(field + 2)};
+    const FourLanes<float, W> v = gather_four<W>(rows + field, offset);
+    return {v.x, v.y, v.z};
+  }
   PRIMRAY_INLINE vint<W> integer(int field) const { return bit_cast<vint<W>>((*this)(field)); }
   PRIMRAY_INLINE vint<W> flags() const { return integer(kLightFlags); }
   PRIMRAY_INLINE vint<W> type() const { return integer(kType); }
