@@ -70,5 +70,6 @@ void bind_guide_tests(nb::module_& m);  // submodule testing
 void bind_hierarchy(nb::module_& m);    // submodule testing
 void bind_replay(nb::module_& m);       // submodule testing
 void bind_grids(nb::module_& m);        // submodule testing
+void bind_walks(nb::module_& m);        // submodule testing
 
 }  // namespace primray

@@ -38,6 +38,7 @@ struct Bsdf {
   static constexpr bool kInMedium = false;      // not a surface
   static constexpr bool kFollowsMedia = false;  // media are followed at these vertices (integrator/media.hpp)
   static constexpr bool kFibres = false;        // some lanes may be hair
+  static constexpr bool kEndsWalk = false;      // light leaves a random walk below the surface
 
   vbool<W> preview;  // otherwise Lambert
   bool any_preview;

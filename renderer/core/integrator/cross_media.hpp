@@ -14,31 +14,39 @@
 
 namespace primray {
 
-// Continues paths from distance `t` along their rays without sampling lights.
+// Continues paths from distance `t` along their rays without sampling lights; `end`: distance at which those ended, or hit.
 template <int W>
-PRIMRAY_INLINE void scatter_unlit(Round& round, vbool<W> scatters, const PathLanes<W>& p, vfloat<W> t,
+PRIMRAY_INLINE void scatter_unlit(Round& round, vbool<W> scatters, const PathLanes<W>& p, vfloat<W> t, vfloat<W> end,
                                   const MediumState<W>& state, vfloat<W> phase) {
   using F = vfloat<W>;
 
-  // Sample the phase function
+  // Sample the phase function, below surfaces together with the walk's guide
   PathLanes<W> n = p;
+  MediumState<W> scattered = state;
+  scattered.origin_distance = F(0.0f);
+  const vbool<W> below = state.in_subsurface();
   const vint<W> bounce = p.vertex + vint<W>(1);
   const Pair<W> u = p.sampler.link(bounce + vint<W>(round.first_link()));
   const vvec3<W> local = sample_phase(phase, u.u, u.v);
-  n.ray.o = p.ray.o + p.ray.d * t;
+  F density = phase_density(local.z, phase);
   n.ray.d = Frame<F>(p.ray.d).to_world(local);
+  if (any(scatters & below)) {
+    scattered.guide.move(p.ray.d, t, end);
+    const WalkDirection<W> next = sample_walk_direction(scattered.guide, state.subsurface, p.beta, p.ray.d, u.u, u.v);
+    n.ray.d = select(below, next.d, n.ray.d), density = select(below, next.phase_pdf, density);
+    n.beta = select(below, p.beta * next.weight, p.beta);
+    scattered.guide.phase_pdf = next.phase_pdf;
+  }
+  n.ray.o = p.ray.o + p.ray.d * t;
   n.ray.tnear = F(0.0f), n.ray.tfar = F(kInfinity);
 
   // Update the path state
   n.vertex = bounce;
   if (round.deep) n.slot = n.slot | vint<W>(kSettled);
-  const vbool<W> below = state.in_subsurface();
   n.depth = p.depth + select(below, vint<W>(0), vint<W>(1));
   n.bsdf_pdf = n.travelled = F(0.0f);
-  MediumState<W> scattered = state;
-  scattered.origin_distance = F(0.0f);
   n.cone_width = p.cone_width + p.cone_spread * t;
-  n.cone_spread = p.cone_spread + kLobeSpread / sqrt(max(phase_density(local.z, phase), 1e-6f));
+  n.cone_spread = p.cone_spread + kLobeSpread / sqrt(max(density, 1e-6f));
   n.normal = vvec3<W>(F(0.0f)), n.diffuse_share = vvec3<W>(F(1.0f));
   if (round.needs.lpe) advance_lpe_in_medium(*round.settings.lpe, scatters & !below, n);
 
@@ -237,7 +245,19 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
   const Scene& scene = round.scene;
   const vbool<W> hit = active & (hits.geom != vint<W>(-1));
   const vbool<W> ended = in_medium & ends_at_collision(scene, state, medium, p.depth), stopped = hit | ended;
-  if (any(ended)) medium.end_at_collisions(ended, p.beta);
+  const vbool<W> in_subsurface = state.in_subsurface(), may_scatter = in_medium & medium.scatters();
+
+  // Choose by what the next distance is drawn; walks that are not guided yet are traced farther than that
+  Pair<W> u{F(0.0f), F(0.0f)};
+  if (any(may_scatter)) u = distance_numbers(p.sampler, p.vertex);
+  const vbool<W> guided = may_scatter & in_subsurface & state.guide.guides(), measures = ended & in_subsurface & !guided;
+  WalkDistance<W> walk;
+  if (any(guided)) walk = WalkDistance<W>(state.guide, medium, p.beta, p.ray.d);
+  if (any(ended)) medium.end_at_collisions(ended, p.beta, guided, walk);
+  if (any(measures)) {
+    const F t = max(draw_distance(medium, p.beta, u.u, u.v) - state.origin_distance, 0.0f);
+    p.ray.tfar = select(measures, min(p.ray.tfar, t), p.ray.tfar);
+  }
   F end = select(hit, hits.t, kInfinity);
   vbool<W> stays = active;
 
@@ -266,7 +286,6 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
   stays &= !covered;
 
   // Sample the fog's collision, which ends what happens in other media
-  const vbool<W> in_subsurface = state.in_subsurface(), may_scatter = in_medium & medium.scatters();
   end += state.origin_distance;
   const vvec3<W> before = p.beta;
   vbool<W> in_fog(false);
@@ -284,8 +303,12 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
   }
 
   // Sample the distance to the next scattering event
-  const Pair<W> u = distance_numbers(p.sampler, p.vertex);
-  const DistanceSample<W> step = sample_distance(medium, p.beta, end, u.u, u.v);
+  DistanceSample<W> step = sample_distance(medium, p.beta, end, u.u, u.v);
+  if (any(guided)) {
+    const DistanceSample<W> s = walk.at(walk.draw(u.u, u.v), end, medium.scattering, p.beta);
+    step.scatters = (guided & s.scatters) | (step.scatters & !guided);
+    step.t = select(guided, s.t, step.t), step.beta = select(guided, s.beta, step.beta);
+  }
   p.beta = select(may_scatter, step.beta, p.beta);
   const vbool<W> collides = may_scatter & step.scatters, scatters = collides | in_fog;
   const F t = max(select(may_scatter, step.t, end) - state.origin_distance, 0.0f);
@@ -310,7 +333,7 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
     if (scene.lights.count == 0 && (round.settings.guide || round.settings.guide_log)) lit = scatters & !in_subsurface;
     const vbool<W> kinds[2] = {scatters & !lit, lit};
     for_kinds(round.has_parts(), kinds, [&](int kind, vbool<W> lanes) {
-      if (kind == 0) return scatter_unlit(round, lanes, p, t, state, phase);
+      if (kind == 0) return scatter_unlit(round, lanes, p, t, hits.t, state, phase);
       scatter_lit(round, lanes, p, lane_numbers<W>() + vint<W>(at), t, state, phase);
     });
   }
@@ -347,6 +370,7 @@ PRIMRAY_RARE void cross_media(Round& round) {
   for (int at = 0; at < count; at += W) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(count - at);
     MediumState<W> state = states.at<W>(at);
+    if (states.walks) state.guide = states.guide_at<W>(at);
     if (round.scene.interiors.has_bounded()) enter_missed_volumes(round, at, active, state);
     RayMedium<W> medium = medium_at(round, at, state);
     const vbool<W> in_medium = active & medium.exists();

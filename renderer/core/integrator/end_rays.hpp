@@ -39,8 +39,15 @@ PRIMRAY_RARE void end_rays(Round& round) {
     const vvec3<W> beta{load<W>(pool.beta_r + at), load<W>(pool.beta_g + at), load<W>(pool.beta_b + at)};
     const Pair<W> u =
         distance_numbers<W>({load<W>(pool.reversed_index + at), load<W>(pool.seed + at)}, load<W>(pool.vertex + at));
+    F t = draw_distance(medium, beta, u.u, u.v);
+    if (const vbool<W> walks = ends & state.in_subsurface(); any(walks)) {
+      const WalkGuide<W> guide = states.guide_at<W>(at);
+      const Rays<W> rays = pool.rays<W>(at);
+      const F guided = WalkDistance<W>(guide, medium, beta, rays.d).draw(u.u, u.v);
+      t = select(walks, select(guide.guides(), guided, max(t, guide.measured(medium))), t);
+    }
     // A little farther than the collision, so that no rounding hides a hit before it.
-    const F t = draw_distance(medium, beta, u.u, u.v), end = max(t - state.origin_distance, 0.0f) * (1 + 0x1p-18f);
+    const F end = max(t - state.origin_distance, 0.0f) * (1 + 0x1p-18f);
     store(pool.tfar + at, select(ends, end, load<W>(pool.tfar + at)));
   }
 }

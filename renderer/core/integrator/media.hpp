@@ -10,6 +10,7 @@
 #include "medium/medium_stack.hpp"
 #include "medium/phase_function.hpp"
 #include "medium/ray_medium.hpp"
+#include "medium/walk_guide.hpp"
 
 namespace primray {
 
@@ -53,6 +54,7 @@ struct MediumState {
   vfloat<W> origin_distance{
       0.0f};           // distance between the surface point and the ray's offset origin, which the medium also fills
   vint<W> volumes{0};  // number of a set (medium/volume_sets.hpp)
+  WalkGuide<W> guide;  // in the subsurface medium
 
   PRIMRAY_INLINE vbool<W> in_subsurface() const { return subsurface.exists(); }
   // Medium that surrounds each path.
@@ -96,6 +98,8 @@ struct MediumStateColumns {
   alignas(64) int32_t surfaces[kMaxNestedMedia][kPadded];
   alignas(64) float subsurface[7][kPadded], origin_distance[kPadded];
   alignas(64) int32_t volumes[kPadded];
+  alignas(64) float guide[8][kPadded];  // present if light walks below some surface
+  bool walks = false;
 
   template <int W>
   PRIMRAY_INLINE MediumState<W> at(int i) const {
@@ -107,10 +111,16 @@ struct MediumStateColumns {
     r.origin_distance = load<W>(origin_distance + i), r.volumes = load<W>(volumes + i);
     return r;
   }
+  template <int W>
+  PRIMRAY_INLINE WalkGuide<W> guide_at(int i) const {
+    const auto column = [&](int k) { return load<W>(guide[k] + i); };
+    return {{column(0), column(1), column(2)}, column(3), column(4), {column(5), column(6), column(7)}};
+  }
   void reorder(const int32_t* order, int count) {
     for (int32_t (&column)[kPadded] : surfaces) reorder_column(column, order, count);
     for (float (&column)[kPadded] : subsurface) reorder_column(column, order, count);
     reorder_column(origin_distance, order, count), reorder_column(volumes, order, count);
+    // Guides are read before hits are sorted.
   }
   // Stores at `i` the lanes that `c` selects.
   template <int W>
@@ -121,6 +131,10 @@ struct MediumStateColumns {
                                    &m.scattering.y, &m.scattering.z, &m.phase};
     for (int k = 0; k < 7; ++k) c.append(subsurface[k] + i, *columns[k]);
     c.append(origin_distance + i, r.origin_distance), c.append(volumes + i, r.volumes);
+    if (!walks) return;
+    const WalkGuide<W>& g = r.guide;
+    const vfloat<W>* guides[8] = {&g.normal.x, &g.normal.y, &g.normal.z, &g.middle, &g.phase_pdf, &g.nu.x, &g.nu.y, &g.nu.z};
+    for (int k = 0; k < 8; ++k) c.append(guide[k] + i, *guides[k]);
   }
 };
 
@@ -152,7 +166,9 @@ struct MediumStateStore {
   ShadowMediaColumns shadows{}, special_shadows{};
   VolumeSets sets;
 
-  explicit MediumStateStore(const Interiors& interiors) : sets(interiors) {}
+  explicit MediumStateStore(const Interiors& interiors) : sets(interiors) {
+    for (MediumStateColumns& c : columns) c.walks = interiors.walks;
+  }
   // Keeps the number of sets small; no path may be alive. Lanes without a path read what earlier ones left.
   void forget_sets() {
     if (!sets.forget_if_many()) return;

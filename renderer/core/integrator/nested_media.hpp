@@ -13,7 +13,7 @@ constexpr float kLeastOffsets = 64, kLeastSteps = 8;
 // White Lambert lobes through which light leaves a subsurface medium.
 template <int W>
 struct WhiteLobes : Bsdf<W> {
-  static constexpr bool kFollowsMedia = true;
+  static constexpr bool kFollowsMedia = true, kEndsWalk = true;
   using Bsdf<W>::Bsdf;
 };
 

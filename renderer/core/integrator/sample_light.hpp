@@ -291,9 +291,42 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   queue_light_sample(round, useful, chosen, v, p, from, share);
 }
 
+// Calls f(lanes) for lanes of `m`, in order, of which no two belong to one sample: what several of a sample's parts queue is
+// then added in the same order for every lane count.
+template <int W, class F>
+PRIMRAY_INLINE void for_each_of_samples(vbool<W> m, vint<W> slot, const F& f) {
+  for (uint32_t left = bits(m); left;) {
+    uint32_t run = 0;
+    for (uint32_t b = left; b; b &= b - 1) {
+      const int32_t own = slot[__builtin_ctz(b)] & kSumMask;
+      bool taken = false;
+      for (uint32_t r = run; r; r &= r - 1) taken |= (slot[__builtin_ctz(r)] & kSumMask) == own;
+      if (taken) break;
+      run |= b & -b;
+    }
+    left &= ~run;
+    f(m & (lane_numbers<W>() >= vint<W>(__builtin_ctz(run))) & (lane_numbers<W>() <= vint<W>(31 - __builtin_clz(run))));
+  }
+}
+
+// Takes as many light samples where a walk leaves the surface as where a path splits: the walk is what costs.
+template <int W, class Lobes>
+void sample_lights_after_walk(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+  const int samples = round.settings.light_samples;
+  if (samples == 1) return sample_light(round, scatters, v, p);
+  for_each_of_samples(scatters, p.slot, [&](vbool<W> lanes) {
+    PathLanes<W> part = split_part(p, lanes, samples);
+    for (int k = 0; k < samples; ++k) {
+      number_part(part, p, lanes, samples, k);
+      sample_light(round, lanes, v, part);
+    }
+  });
+}
+
 // Takes one light sample per vertex; where a path splits, as many as the pilot renders chose.
 template <int W, class Lobes>
 void sample_lights(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
+  if constexpr (Lobes::kEndsWalk) return sample_lights_after_walk(round, scatters, v, p);
   const int samples = round.settings.light_samples;
   const vbool<W> more = scatters & is_whole(p) & !v.bsdf.mirror;
   if (samples == 1 || !any(more)) return sample_light(round, scatters, v, p);

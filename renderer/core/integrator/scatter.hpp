@@ -128,9 +128,10 @@ PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vf
 // Stores the medium state of paths that continue with the BSDF sample `s`.
 template <int W>
 PRIMRAY_RARE void put_medium_state(Round& round, const Compaction<W>& c, const MediumInterface<W>& media,
-                                   const BsdfSample<W>& s, vfloat<W> origin_distance) {
+                                   const BsdfSample<W>& s, const vvec3<W>& ng, vfloat<W> origin_distance) {
   MediumState<W> state = media.state_after(s);
   state.origin_distance = origin_distance;
+  if (any(s.enters)) state.guide = WalkGuide<W>::entering(state.subsurface, ng);
   round.worker.medium_states->next->put(round.worker.next->count, c, state);
 }
 template <int W>
@@ -241,7 +242,7 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
     keep_vertex<Lobes::kInMedium>(*round.settings.guide_log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, survive,
                                   n);
   const Compaction<W> c(alive);
-  if (in_media) put_medium_state(round, c, *v.media, s, origin_distance_of(v.it.offset, v.ng, n.ray.d));
+  if (in_media) put_medium_state(round, c, *v.media, s, v.ng, origin_distance_of(v.it.offset, v.ng, n.ray.d));
   round.worker.next->append(c, n, round.needs);
 }
 

@@ -5,6 +5,7 @@
 #include "medium/fog.hpp"
 #include "medium/medium_stack.hpp"
 #include "medium/volume_sets.hpp"
+#include "medium/walk_guide.hpp"
 
 namespace primray {
 
@@ -25,8 +26,9 @@ struct RayMedium : Medium<W> {
   FogAlong<W> fog;
   vint<W> row{0};  // of volumes in VolumeSets, where any contain the ray
   bool any_emission = false, any_fog = false, any_volumes = false, any_ended = false;
-  vbool<W> ended{false};  // lanes whose rays end where they collide (integrator/end_rays.hpp)
-  vvec3<W> drawn_by;      // and the throughput of their paths
+  vbool<W> ended{false}, by_guide{false};  // lanes whose rays end where they collide (integrator/end_rays.hpp)
+  vvec3<W> drawn_by;                       // throughput of their paths
+  const WalkDistance<W>* walk = nullptr;   // steps of guided walks
 
   RayMedium() = default;
   PRIMRAY_INLINE explicit RayMedium(const Medium<W>& m) : Medium<W>(m) {}
@@ -42,7 +44,10 @@ struct RayMedium : Medium<W> {
     row = select(m, at, row), any_volumes = true;
   }
   void add(const FogAlong<W>& along, const Fog&) { fog = along, any_fog = true; }
-  PRIMRAY_INLINE void end_at_collisions(vbool<W> m, const vvec3<W>& beta) { ended = m, drawn_by = beta, any_ended = true; }
+  // In lanes `m`, for paths of throughput `beta`; in lanes `guided` at those of `steps`.
+  PRIMRAY_INLINE void end_at_collisions(vbool<W> m, const vvec3<W>& beta, vbool<W> guided, const WalkDistance<W>& steps) {
+    ended = m, drawn_by = beta, any_ended = true, by_guide = guided, walk = &steps;
+  }
 
   PRIMRAY_INLINE vbool<W> exists() const {
     vbool<W> r = Medium<W>::exists();
@@ -56,7 +61,9 @@ struct RayMedium : Medium<W> {
     vvec3<W> r = Medium<W>::transmittance(t);
     if (any_ended) {
       const vfloat<W> sum = drawn_by.x + drawn_by.y + drawn_by.z;
-      r = select(ended, r * (sum / max(dot(drawn_by, r), 1e-30f)), r);
+      vfloat<W> longer = dot(drawn_by, r) / max(sum, 1e-30f);
+      if (any(by_guide)) longer = select(by_guide, walk->survival(min(t, kEndless)), longer);
+      r = select(ended, r * (1.0f / max(longer, 1e-30f)), r);
     }
     return any_fog ? r * fog.transmittance(t) : r;
   }

@@ -106,6 +106,7 @@ struct Interiors {
   std::vector<std::pair<int32_t, VolumeInput>> filled;
   std::vector<vec3> emission;
   bool emits = false;  // some medium emits
+  bool walks = false;  // light walks below some opaque surface
   bool around_camera() const { return camera[0] >= 0; }
   Fog fog;  // outside of objects with an interface
   bool has_bounded() const { return !volumes.empty(); }

@@ -387,6 +387,7 @@ void bind_testing(nb::module_& m) {
   bind_math(m);
   bind_phases(m);
   bind_guide_tests(m);
+  bind_walks(m);
   bind_hierarchy(m);
   bind_replay(m);
   bind_grids(m);

@@ -160,7 +160,7 @@ void mark_media_boundaries(Scene& scene) {
     if (!(flags & kOpenPbr) || (flags & kThin)) continue;
     float* open = &scene.surfaces.open_pbr[size_t(int_at(row, kOpenPbrRow)) * kOpenPbrFields];
     if (scene.surface_inputs_of[i] >= 0) average_interior(scene, int32_t(i), open);
-    media |= open[kOpenSubsurface] > 0;
+    media |= open[kOpenSubsurface] > 0, interiors.walks |= open[kOpenSubsurface] > 0;
     if (!(row[kTransmission] > 0)) continue;
     for (const auto& [surface, volume] : interiors.filled)
       if (size_t(surface) == i) fill(volume, open);
