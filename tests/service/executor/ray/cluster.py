@@ -79,7 +79,8 @@ class RunningCluster:
     def ray_processes(self) -> list[int]:
         """Of all nodes, but for those of tasks and agents: gcs_server, monitor, dashboard, raylets.
 
-        Agents write a title over their arguments and their environment as they start.
+        Agents write a title over their arguments and their environment as they start. The walls of workers that wait for more
+        of their scene have that on their command line, on any node, and no environment.
         """
         found = {int(path.name): _words(int(path.name)) for path in Path("/proc").glob("[0-9]*")}
         return sorted(
@@ -87,6 +88,7 @@ class RunningCluster:
             for pid, words in found.items()
             if any(str(self.folder).encode() in word for word in words)
             and not words[0].startswith(b"ray::")
+            and not words[0].endswith(b"bwrap")
             and not any(word.endswith((b"/agent.py", b"/agent/main.py")) for word in words)
         )
 
