@@ -24,11 +24,16 @@ from ..color.color_space import luminance_weights
 
 if TYPE_CHECKING:
     from ..core import CoreScene
+    from ..core.scene_record import ShapeRows
     from ..sampling.sampling import Sampling
 
 
-MOST_PIXELS, FEWEST_PIXELS, MOST_SAMPLES = 64, 2, 8192
+MOST_PIXELS, FEWEST_PIXELS, MOST_SAMPLES = 64, 4, 8192
 BRIGHTEST = 16  # samples of a pixel whose paths are told apart
+MOST_EVENTS = 100_000  # after which no more pixels are drawn: paths in media have thousands
+MOST_RUNS, MOST_VERTICES = 24, 64  # of a path that are told
+SAMPLES_OF_LIGHT = ("light sample", "dome ray", "outline ray")
+GOLDEN = 0.5 * (math.sqrt(5) - 1)
 LARGE = 0.1  # share of the error from which a kind of path is told
 MOST_TOLD = 3
 DIFFUSE = ("diffuse", "behind", "fuzz", "subsurface")
@@ -66,10 +71,13 @@ class RarePaths:
 
 
 def find_rare_paths(scene: CoreScene, sampling: Sampling, part: Doubles) -> RarePaths | None:
-    """Return the kinds of path that rule the error, of which each pixel has a `part` (H, W); None where no kind is large."""
+    """Return the kinds of path that rule the error, of which each pixel has a `part` (H, W); None where no kind is large, or
+    paths are so long that too few pixels could be looked at."""
     shares: defaultdict[Kind, float] = defaultdict(float)
     brightest: dict[Kind, tuple[float, Sequence[Vertex]]] = {}
-    pixels = [pixel for pixel in (_Pixel.log(scene, sampling, x, y) for x, y in _drawn(sampling, part)) if pixel is not None]
+    pixels = list(_pixels(scene, sampling, part))
+    if len(pixels) < FEWEST_PIXELS:
+        return None
     for pixel in pixels:
         squares = {kind: float((values**2).sum()) for kind, values in pixel.kinds.items()}
         total = sum(squares.values()) + float((pixel.rest**2).sum())
@@ -85,13 +93,27 @@ def find_rare_paths(scene: CoreScene, sampling: Sampling, part: Doubles) -> Rare
     return RarePaths(tuple(told), without)
 
 
+def _pixels(scene: CoreScene, sampling: Sampling, part: Doubles) -> Iterator[_Pixel]:
+    """Yield drawn pixels, each as often as it is drawn."""
+    events, known = 0, dict[tuple[int, int], _Pixel | None]()
+    for place in _drawn(sampling, part):
+        if place not in known:
+            if events > MOST_EVENTS:
+                return
+            pixel = known[place] = _Pixel.log(scene, sampling, *place)
+            events += 0 if pixel is None else pixel.events
+        if (pixel := known[place]) is not None:
+            yield pixel
+
+
 def _drawn(sampling: Sampling, part: Doubles) -> Iterator[tuple[int, int]]:
-    """Yield pixels (x, y) at even steps of the error, ordered by their part: each is drawn by it, the worst for certain."""
+    """Yield pixels (x, y), each drawn by its part of the error, evenly so by every first few of them."""
     samples = max(sampling.film.samples / part.size, 1.0)
     count = min(max(int(MOST_SAMPLES / samples), FEWEST_PIXELS), MOST_PIXELS)
     order = np.argsort(-part, axis=None, kind="stable")
     sums = np.cumsum(part.ravel()[order])
-    for at in np.searchsorted(sums, (np.arange(count) + 0.5) / count * sums[-1]).tolist():
+    even = (0.5 + GOLDEN * np.arange(count)) % 1
+    for at in np.searchsorted(sums, even * sums[-1]).tolist():
         y, x = divmod(int(order[min(at, part.size - 1)]), part.shape[1])
         yield x, y
 
@@ -111,6 +133,7 @@ class _Pixel:
 
     replicates: npt.NDArray[np.int64]  # (N,) of the samples
     rest: Doubles  # (N,) of samples whose paths are not told apart
+    events: int  # that were logged
     kinds: dict[Kind, Doubles] = field(default_factory=dict)  # (N,)
     brightest: dict[Kind, tuple[float, Sequence[Vertex]]] = field(default_factory=dict)
 
@@ -132,7 +155,7 @@ class _Pixel:
             return None
         weights = np.array(luminance_weights(scene.rendering_space)) * scene.exposure_scale
         cameras = [next(event for event in sample if event["kind"] == "camera") for sample in samples]
-        pixel = cls(np.array([camera["replicate"] for camera in cameras], np.int64), np.zeros(len(samples)))
+        pixel = cls(np.array([camera["replicate"] for camera in cameras], np.int64), np.zeros(len(samples)), len(events))
         for number, sample in enumerate(samples):
             if len(sample) == 2:  # the camera ray and the value alone
                 pixel.rest[number] = float(np.dot(weights, sample[-1]["value"]))
@@ -154,44 +177,70 @@ class _Pixel:
         return float(values[self.replicates == 0].mean() - values[self.replicates == 1].mean())
 
 
+@dataclass(frozen=True)
+class _Way:
+    """The vertices that a path was scattered at."""
+
+    runs: tuple[str, ...] = ()  # their letters, equal ones in a row as one
+    vertices: tuple[Vertex, ...] = ()
+
+    def then(self, vertex: Vertex) -> _Way:
+        """Return the way with one more vertex; what is beyond the limits has no part in its name."""
+        runs = self.runs if self.runs[-1:] == (vertex.letter,) else (*self.runs, vertex.letter)[:MOST_RUNS]
+        return _Way(runs, self.vertices if len(self.vertices) == MOST_VERTICES else (*self.vertices, vertex))
+
+    @property
+    def expression(self) -> str:
+        parts = "".join("V+" if letter == "V" else f"<.{letter}>+" for letter in self.runs)
+        return parts + (".*" if len(self.runs) == MOST_RUNS else "")
+
+
+@dataclass
+class _Path:
+    """A path as its events come in: where it is, and its ways before and after the vertex of its last scattering."""
+
+    vertex: int = -1
+    before: _Way = field(default_factory=_Way)
+    after: _Way = field(default_factory=_Way)
+    seen: dict[str, Event] = field(default_factory=dict)  # by kind: at the vertex where it is, before it is scattered
+    light: Event | None = None  # the brightest emission since it was scattered
+
+    def way_to(self, vertex: int) -> _Way:
+        return self.before if self.vertex == vertex else self.after
+
+
 def _contributions(scene: CoreScene, events: Sequence[Event], number: int) -> Iterator[tuple[Kind, Sequence[Vertex], Any]]:
-    """Yield the kind, the vertices and the light of each contribution to a sample, whose first path has the `number`."""
-    for at, event in enumerate(events):
-        if "contribution" not in event or event["kind"] == "sample":
-            continue
-        before = [e for e in events[: at + 1] if e["vertex"] <= event["vertex"] and _leads_to(e["part"], event["part"], number)]
-        vertices = _vertices(scene, before, event)
-        light = _light(scene, before, event)
-        runs = [letter for k, letter in enumerate(v.letter for v in vertices) if k == 0 or letter != vertices[k - 1].letter]
-        way = "".join("V+" if letter == "V" else f"<.{letter}>+" for letter in runs)
-        yield (f"C{way}{'L' if light[1] else 'O'}", light[0]), vertices, event["contribution"]
+    """Yield the kind, the vertices and the light of each contribution to a sample, whose first path has the `number`.
 
-
-def _leads_to(part: int, to: int, first: int) -> bool:
-    """Return whether events of the path `part` belong to the past of the path `to` of a sample whose first path is `first`."""
-    return part in (to, to & ~ASIDE) or part & ~ASIDE == first
-
-
-def _vertices(scene: CoreScene, events: Sequence[Event], last: Event) -> list[Vertex]:
-    """Return the vertices that a path was scattered at before its contribution, which the event `last` made."""
-    by_vertex: defaultdict[int, dict[str, Event]] = defaultdict(dict)
-    for event in events:
-        of_own = event["part"] == last["part"]
-        if of_own or event["kind"] not in by_vertex[event["vertex"]]:
-            by_vertex[event["vertex"]][event["kind"]] = event
+    Parts of a split path, and light samples of which there are several, have numbers of their own, and the first path's past.
+    """
     assert scene.uploaded is not None
-    rows, found = scene.uploaded.shape_rows, []
-    for number in sorted(by_vertex):
-        here = by_vertex[number]
-        ends_here = number == last["vertex"]
-        if ends_here and last["kind"] not in ("light sample", "dome ray", "outline ray"):
-            continue
-        lobes, scatter = here.get("lobes"), None if ends_here else here.get("scatter")
-        if lobes is None or (scatter is not None and scatter.get("straight", 0) > 0):
-            continue
-        prim = rows.path_of(int(here["hit"]["shape"])) if "hit" in here else ""
-        found.append(Vertex(_letter(lobes, scatter), prim, scatter is not None and scatter.get("transmits", 0) > 0))
-    return found
+    rows = scene.uploaded.shape_rows
+    first = _Path()
+    paths: dict[int, _Path] = {number: first}
+    for event in events:
+        kind, vertex = event["kind"], event["vertex"]
+        path = paths.get(event["part"], first)
+        if kind in ("hit", "lobes"):
+            path.seen = {**(path.seen if kind == "lobes" else {}), kind: event}
+        elif kind == "emission" and (path.light is None or max(event["radiance"]) > max(path.light["radiance"])):
+            path.light = event
+        if "contribution" in event and kind != "sample":
+            way = path.way_to(vertex)
+            if kind in SAMPLES_OF_LIGHT and "lobes" in path.seen:
+                way = way.then(_vertex(rows, path.seen, None))
+            light, is_light = _light(scene, path, event)
+            yield (f"C{way.expression}{'L' if is_light else 'O'}", light), way.vertices, event["contribution"]
+        if kind == "scatter":
+            way = path.way_to(vertex)
+            visible = "lobes" in path.seen and not event.get("straight", 0) > 0
+            after = way.then(_vertex(rows, path.seen, event)) if visible else way
+            paths[event["part"]] = _Path(vertex, way, after, path.seen)
+
+
+def _vertex(rows: ShapeRows, seen: Mapping[str, Event], scatter: Event | None) -> Vertex:
+    prim = rows.path_of(int(seen["hit"]["shape"])) if "hit" in seen else ""
+    return Vertex(_letter(seen["lobes"], scatter), prim, scatter is not None and scatter.get("transmits", 0) > 0)
 
 
 def _letter(lobes: Event, scatter: Event | None) -> str:
@@ -208,10 +257,9 @@ def _letter(lobes: Event, scatter: Event | None) -> str:
     return "D" if diffuse > 0.5 * max(lobes.get("presence", 1.0), 1e-9) else "G"
 
 
-def _light(scene: CoreScene, events: Sequence[Event], last: Event) -> tuple[str, bool]:
-    """Return the prim that the light comes from, and whether it is a light."""
-    shown = [e for e in events if e["kind"] == "emission" and e["vertex"] == last["vertex"] and e["part"] == last["part"]]
-    event = last if "light" in last or "dome" in last else max(shown, key=lambda e: max(e["radiance"]), default=last)
+def _light(scene: CoreScene, path: _Path, last: Event) -> tuple[str, bool]:
+    """Return the prim that the light of a contribution comes from, which the event `last` made, and whether it is a light."""
+    event = last if "light" in last or "dome" in last or path.light is None else path.light
     assert scene.uploaded is not None
     uploaded = scene.uploaded
     if "dome" in event:
@@ -220,8 +268,7 @@ def _light(scene: CoreScene, events: Sequence[Event], last: Event) -> tuple[str,
     if light >= 0:
         shape = scene.shape_of_light(light)[0] if light not in uploaded.light_paths else 0
         return uploaded.light_paths.get(light) or uploaded.shape_rows.path_of(shape), True
-    hit = next((e for e in reversed(events) if e["kind"] == "hit"), None)
-    return ("" if hit is None else uploaded.shape_rows.path_of(int(hit["shape"]))), False
+    return (uploaded.shape_rows.path_of(int(path.seen["hit"]["shape"])) if "hit" in path.seen else ""), False
 
 
 def _told(kind: Kind, share: float, vertices: Sequence[Vertex]) -> RarePath:

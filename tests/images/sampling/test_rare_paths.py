@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -165,4 +166,48 @@ def test_pixels_are_drawn_by_their_part_of_the_error() -> None:
         film = Film()
 
     drawn = list(rare_paths._drawn(Sampled(), part))  # type: ignore[arg-type]
-    assert drawn == 6 * [(2, 1)] + 2 * [(3, 3)]
+    assert sorted(drawn) == 6 * [(2, 1)] + 2 * [(3, 3)]
+    assert len(set(drawn[:6])) == 2  # not the worst first
+
+
+def test_long_paths_take_bounded_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Events of a path in a medium are thousands: they are gone through once, and few pixels are enough."""
+    monkeypatch.setattr(vague_error, "VAGUE_FACTOR", 1.0)
+    monkeypatch.setattr(rare_paths, "MOST_EVENTS", 300)
+    logged: list[int] = []
+    log = core.log_pixel
+
+    def counting(*of: Any) -> Any:
+        events = log(*of)
+        logged.append(len(events))
+        return events
+
+    monkeypatch.setattr(core, "log_pixel", counting)
+    rendered(tmp_path, room(), spp=16)
+    assert sum(logged[:-1]) <= 300 < sum(logged)
+
+
+def test_a_path_of_thousands_of_vertices_is_gone_through_once() -> None:
+    class Uploaded:
+        light_paths: ClassVar = {0: "/key"}
+        dome_paths = ()
+
+        class shape_rows:
+            path_of = staticmethod(lambda _: "/smoke")
+
+    class Scene:
+        uploaded = Uploaded()
+
+    events: list[dict[str, Any]] = [{"kind": "camera", "vertex": 0, "part": 0}]
+    count = 20_000
+    for vertex in range(count):
+        at = {"vertex": vertex, "part": 0}
+        events.append({"kind": "lobes", "why": "phase function", **at})
+        events.append({"kind": "light sample", "light": 0.0, "contribution": (1.0, 1.0, 1.0), **at})
+        events.append({"kind": "scatter", **at})
+    began = time.process_time()
+    found = list(rare_paths._contributions(Scene(), events, 0))  # type: ignore[arg-type]
+    assert time.process_time() - began < 5  # a quarter of a second; minutes if each looked at all before
+    assert {kind for kind, _, _ in found} == {("CV+L", "/key")}
+    assert len(found) == count
+    assert len(found[-1][1]) <= rare_paths.MOST_VERTICES + 1
