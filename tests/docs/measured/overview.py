@@ -112,7 +112,10 @@ def words(found: Sequence[Lead]) -> str:
     """Return the sentence below the chart."""
     behind = sorted((lead for lead in found if lead.ratio < 1), key=lambda lead: lead.ratio)
     short = sum(1 <= lead.ratio < AHEAD[lead.scene] for lead in found)
-    slower = ", ".join(f"{lead.scene} ({lead.ratio:.2f} of {lead.peer}'s speed)" for lead in behind) or "none"
+    slower = (
+        ", ".join(f"{lead.scene} ({lead.ratio:.2f} of {lead.peer}'s speed on {lead.vendor}, {lead.date})" for lead in behind)
+        or "none"
+    )
     scenes = len({lead.scene for lead in found})
     return (
         f"{len(found)} measurements of {scenes} scenes by the time to an error, each renderer held\n"
