@@ -34,11 +34,12 @@ def write_results(name: str, rows: list[dict[str, Any]], measured: str | None = 
     return path
 
 
-def latest(name: str, lanes: int | None = None) -> dict[str, Any] | None:
-    """What was measured last by that name, with so many lanes if given; None if nothing was."""
+def latest(name: str, lanes: int | None = None, cpu: str = "") -> dict[str, Any] | None:
+    """What was measured last by that name, with so many lanes and on a CPU of such a name if given; None if nothing was."""
     found = RESULTS.glob(f"{name}_v?_{lanes or '*'}_????-??-??.json")
-    newest = max(found, key=lambda path: path.stem.rsplit("_", 1)[1], default=None)
-    return None if newest is None else json.loads(newest.read_text(encoding="utf-8"))
+    newest_first = sorted(found, key=lambda path: path.stem.rsplit("_", 1)[1], reverse=True)
+    kept = (json.loads(path.read_text(encoding="utf-8")) for path in newest_first)
+    return next((each for each in kept if cpu in each["cpu"]), None)
 
 
 def cpu_model() -> str:

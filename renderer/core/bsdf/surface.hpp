@@ -253,9 +253,9 @@ class SurfaceRows : public LobeRows<W> {
   PRIMRAY_INLINE vint<W> flags() const { return bit_cast<vint<W>>((*this)(kFlags)); }
   // Row of an OpenPBR surface, or of hair, in its own table.
   PRIMRAY_INLINE vint<W> lobe_row() const { return bit_cast<vint<W>>((*this)(kOpenPbrRow)); }
-  // Those rows of the lanes of `m`, which are OpenPBR surfaces.
+  // Returns the rows of lanes `m`, which are OpenPBR surfaces, in the table of such.
   PRIMRAY_INLINE LobeRows<W> open_pbr_rows(vbool<W> m) const { return lobe_rows(open_pbr_, m, kOpenPbrFields); }
-  // And of the lanes of `m` that are hair.
+  // Returns the rows of lanes `m`, which are hair, in the table of hair.
   PRIMRAY_INLINE LobeRows<W> hair_rows(vbool<W> m) const { return lobe_rows(hair_, m, kHairFields); }
 
  private:

@@ -19,6 +19,9 @@ from .scene import CoreScene, Splits
 
 Progress = Callable[[float], bool | None]  # called with the fraction of the pass that is done
 
+# In the number of a path that takes the less likely way at smooth glass, beside the one that takes the other (log_pixel).
+ASIDE = 1 << 31
+
 
 @dataclass(frozen=True)
 class Pass:

@@ -19,6 +19,7 @@ from ..description import LightType, Mesh, NurbsPatch, SubdivisionMesh
 from ..images.cryptomatte import FOG
 from ..process_memory import machine_bytes
 from ..report.picture_checks import weighed_errors
+from ..sampling.error import ONE_PERCENT
 from ..sampling.sampling import Sampling
 from ..settings import Metric
 from .examination import Examined, Finding, Question
@@ -170,7 +171,6 @@ def _megabytes(count: int) -> str:
     return f"{count / 2**20:,.0f} MiB"
 
 
-ONE_PERCENT = 1e-4  # relMSE: the square of an error of 1 %
 MOST_LIGHTS = 8
 BUILDING_S = 4.0  # seconds to build all the scenes of one light each
 HOT = 2.0  # ratio of a prim's fraction of the error to its fraction of the pixels

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 Event = dict[str, Any]
 
 NAMING_AOVS = ("prim", "instance", "material")  # they make the core's scene keep the names of its rows
-ASIDE = 1 << 31  # in the number of a path that takes the less likely way at smooth glass, beside the one that takes the other
 FLAGS = ("front", "delta", "transmits", "straight", "enters", "survives")
 PROBABILITIES = ("presence", "diffuse", "behind", "fuzz", "specular", "coat", "transmission", "subsurface")
 RADIANCES = ("radiance", "contribution", "unshadowed", "value", "clamped", "caustics")
@@ -124,6 +123,8 @@ def _samples_of(settings: RenderSettings) -> tuple[int, int]:
 
 def _named_events(scene: CoreScene, events: Sequence[Event], splits: tuple[int, int]) -> list[Event]:
     """Return the events with prim paths in place of the core's numbers, truth values, and radiance as the picture has it."""
+    from ..core.passes import ASIDE
+
     names = _Names(scene, events)
     numbers: dict[int, int] = {}
     named = []

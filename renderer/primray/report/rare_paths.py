@@ -10,7 +10,7 @@ Paths are told apart by their light and their light path expression, in which ve
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ import numpy.typing as npt
 from .. import core
 from ..arrays import Doubles
 from ..color.color_space import luminance_weights
+from ..core.passes import ASIDE
 
 if TYPE_CHECKING:
     from ..core import CoreScene
@@ -37,7 +38,6 @@ GOLDEN = 0.5 * (math.sqrt(5) - 1)
 LARGE = 0.1  # share of the error from which a kind of path is told
 MOST_TOLD = 3
 DIFFUSE = ("diffuse", "behind", "fuzz", "subsurface")
-ASIDE = 1 << 31  # in the number of a path that takes the less likely way at smooth glass, beside the one that takes the other
 SAME = 1e-3  # relative difference of a pixel's mean and that of the logged samples up to which these are the pixel's
 
 Event = Mapping[str, Any]
@@ -64,10 +64,6 @@ class RarePaths:
 
     paths: tuple[RarePath, ...]
     without: float  # ratio of the error without all of them to the error
-
-    @property
-    def share(self) -> float:
-        return sum(path.share for path in self.paths)
 
 
 def find_rare_paths(scene: CoreScene, sampling: Sampling, part: Doubles) -> RarePaths | None:
@@ -303,8 +299,7 @@ def _through(vertices: Sequence[Vertex]) -> str:
 
 
 def _names(vertices: Iterable[Vertex]) -> str:
-    counts = Counter(_name(vertex) for vertex in vertices)
-    names = list(counts)
+    names = list(dict.fromkeys(_name(vertex) for vertex in vertices))
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Doubles, Floats
-from ..sampling.error import fewest_samples
+from ..sampling.error import ONE_PERCENT, fewest_samples
 from ..settings import Metric, StopAt
 from .picture_checks import weighed_errors
 from .rare_paths import RarePaths, find_rare_paths
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 VAGUE_FACTOR = 30.0  # ratio of an interval's ends from which it is useless
 FEW_SAMPLES = 16  # mean samples per pixel
-ONE_PERCENT = 1e-4  # relMSE: the square of an error of 1 %
 SEEN_AS_THEY_ARE = ("CL", "CO")
 LITTLE = 0.05  # of a render's samples
 

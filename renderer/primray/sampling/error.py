@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 Z95 = 1.959964  # standard deviations of a normal distribution that contain 95 %
 ALL_PIXELS = 1 << 62
+ONE_PERCENT = 1e-4  # relMSE: the square of an error of 1 %
 DISPLAY_PIXELS = 1 << 14  # a view costs 0.6 microseconds a pixel; this many give its error to a percent
 
 

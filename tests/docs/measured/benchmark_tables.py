@@ -168,17 +168,23 @@ def efficiency_lost(rows: Rows) -> Iterator[str]:
             yield f"{scene}: at 64 samples each ours is {ahead:.2f} times as efficient as {name}, {AHEAD[scene]:g} is aimed at"
 
 
+def times_to_target(scene: str, rows: Rows) -> tuple[float | None, list[tuple[float, str]]]:
+    """Return our seconds to the scene's error, and those of each other renderer that gets there, with its name."""
+    times = {row["renderer"]: found[0] for row in measured(rows) if (found := seconds_to(row, TARGETS[scene]))}
+    own = times.pop(OURS, None)
+    return own, [(seconds, name) for name, seconds in times.items()]
+
+
 def curves_lost(scene: str, rows: Rows) -> Iterator[str]:
     [ours] = [row for row in rows if row["renderer"] == OURS]
-    target, own = TARGETS[scene], seconds_to(ours, TARGETS[scene])
-    others = [(found[0], row["renderer"]) for row in measured(rows) if row is not ours and (found := seconds_to(row, target))]
+    target, (own, others) = TARGETS[scene], times_to_target(scene, rows)
     if own is not None and others:
         for seconds, name in sorted(others):
-            if seconds < own[0]:
-                yield f"{scene}: {name} reaches a relMSE of {target:g} in {seconds:.2f} s, ours in {own[0]:.2f} s"
+            if seconds < own:
+                yield f"{scene}: {name} reaches a relMSE of {target:g} in {seconds:.2f} s, ours in {own:.2f} s"
         seconds, name = min(others)
-        if own[0] <= seconds < AHEAD[scene] * own[0]:
-            ratio = f"{seconds / own[0]:.2f} times as fast as {name}"
+        if own <= seconds < AHEAD[scene] * own:
+            ratio = f"{seconds / own:.2f} times as fast as {name}"
             yield f"{scene}: to a relMSE of {target:g} ours is {ratio}, {AHEAD[scene]:g} times is aimed at"
     for what, unit in (("process_s", "s to a first picture"), ("peak_mb", "MB of memory")):
         best = min(measured(rows), key=lambda row: _median(row, what))

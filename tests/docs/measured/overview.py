@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from tests.bench.results import RESULTS
-from tests.docs.measured.benchmark_tables import AHEAD, OURS, TARGETS, measured, seconds_to
+from tests.bench.results import latest
+from tests.docs.measured.benchmark_tables import AHEAD, times_to_target
 
 from .charts import COLORS, Axis, rule, text
 
@@ -42,17 +41,14 @@ def leads() -> list[Lead]:
 
 
 def _lead(scene: str, vendor: str) -> Lead | None:
-    kept = [json.loads(path.read_text(encoding="utf-8")) for path in RESULTS.glob(f"curve-{scene}_v?_*_????-??-??.json")]
-    newest = max((each for each in kept if vendor in each["cpu"]), key=lambda each: str(each["date"]), default=None)
+    newest = latest(f"curve-{scene}", cpu=vendor)
     if newest is None:
         return None
-    target, rows = TARGETS[scene], measured(newest["rows"])
-    ours = next((seconds_to(row, target) for row in rows if row["renderer"] == OURS), None)
-    others = [(found[0], row["renderer"]) for row in rows if row["renderer"] != OURS and (found := seconds_to(row, target))]
-    if ours is None or not others:
+    own, others = times_to_target(scene, newest["rows"])
+    if own is None or not others:
         return None
     seconds, peer = min(others)
-    return Lead(scene, vendor, seconds / ours[0], peer, newest["date"])
+    return Lead(scene, vendor, seconds / own, peer, newest["date"])
 
 
 def unmeasured(found: Sequence[Lead]) -> Iterator[str]:
