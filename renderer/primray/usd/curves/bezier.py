@@ -22,6 +22,8 @@ from ..primvars.reading import Sizes
 
 Ints = npt.NDArray[np.integer[Any]]
 
+BLOCK = 1 << 14  # segments converted at a time, so that what is computed in double stays in the CPU's cache
+
 # Control points of a segment along which a value varies linearly.
 EVENLY = np.array([[1.0, 0.0], [2 / 3, 1 / 3], [1 / 3, 2 / 3], [0.0, 1.0]])
 
@@ -56,7 +58,12 @@ class CurveSet:
     def controls(self, values: Floats) -> Floats:
         """Return values at control points (3 S + C, k) from values at vertices (V, k)."""
         extended = self.extended(values.astype(np.float64, copy=False))
-        return self.laid_out(np.matmul(self.to_bezier, extended[self.corners]))
+        controls = np.empty((len(self.corners), 4, values.shape[1]), np.float32)
+        for first in range(0, len(controls), BLOCK):
+            some = slice(first, first + BLOCK)
+            weights = self.to_bezier if self.to_bezier.ndim == 2 else self.to_bezier[some]
+            controls[some] = np.matmul(weights, extended[self.corners[some]])
+        return self.laid_out(controls)
 
     def at_ends(self, values: Floats) -> Floats:
         """Return values at segment ends (S + C, k) from authored values at segment ends."""
@@ -72,7 +79,7 @@ class CurveSet:
         both = np.stack([ends[first], ends[first + 1]], axis=1).astype(np.float64)
         return self.laid_out(np.matmul(EVENLY, both))
 
-    def laid_out(self, controls: Doubles) -> Floats:
+    def laid_out(self, controls: npt.NDArray[np.floating[Any]]) -> Floats:
         """Return control points (3 S + C, k) from four per segment (S, 4, k), of which adjacent segments share one."""
         count, columns = len(controls), controls.shape[2]
         out = np.empty((3 * count + len(self.segments), columns), np.float32)

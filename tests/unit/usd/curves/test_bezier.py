@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from primray.usd.curves import bezier
 from primray.usd.curves.bezier import BEZIER, BSPLINE, CATMULL_ROM, CurveSet, basis_curves
 
 TABLE = [
@@ -108,3 +111,15 @@ def test_values_at_ends_are_linear_along_segments() -> None:
     curves = made([5, 4], "cubic", BSPLINE, "nonperiodic")
     ends = np.array([[0.0], [3.0], [0.0], [10.0], [13.0]], np.float32)
     assert curves.controls_of_ends(ends)[:, 0].tolist() == [0, 1, 2, 3, 2, 1, 0, 10, 11, 12, 13]
+
+
+@pytest.mark.parametrize("own_weights", [False, True])
+def test_blocks_do_not_show(monkeypatch: pytest.MonkeyPatch, own_weights: bool) -> None:
+    curves = made([7, 4, 9], "cubic", BSPLINE, "nonperiodic")
+    if own_weights:  # as NURBS curves have
+        scales = np.linspace(1.0, 2.0, len(curves.corners))
+        curves = replace(curves, to_bezier=curves.to_bezier * scales[:, None, None])
+    values = np.random.default_rng(5).normal(size=(20, 3)).astype(np.float32)
+    whole = curves.controls(values)
+    monkeypatch.setattr(bezier, "BLOCK", 4)
+    assert (curves.controls(values) == whole).all()
