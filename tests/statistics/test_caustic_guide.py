@@ -141,6 +141,23 @@ def test_a_lamp_in_a_globe_is_found() -> None:
     assert np.median(plain.mean(axis=0)) < 0.1 * np.median(means)  # which hardly any ray finds
 
 
+def test_photons_of_a_floor_are_found_beside_a_wall() -> None:
+    """All photons of the floor have one height, and so would the cut of most by height, which those on the wall suggest."""
+    shapes: list[tuple[Shape, Doubles]] = [
+        (ground(3.0), np.eye(4)),
+        (ground(6.0), translation(0, 0, -2.5) @ rotation((1, 0, 0), 90)),
+        (Sphere("/globe", 0.2, 1), translation(0, 1, 0)),
+    ]
+    lamp = light(LightType.SPHERE, translation(0, 1, 0), 100.0, radius=0.02)
+    camera = perspective(look_at([0, 4.0, 4.0], [0, 0, 0]), 0.35)
+    scene = describe(shapes, [lambert(0.5), GLASS], [lamp], camera, (16, 16)).build()
+    guide = kernels().find_caustics(scene, DEPTH, 1)
+    points = np.stack(np.meshgrid(np.linspace(-1.5, 1.5, 31), [0.0], np.linspace(-1.5, 1.5, 31)), axis=-1).reshape(-1, 3)
+    up = np.ascontiguousarray(np.broadcast_to(np.array([0, 1, 0], np.float32), points.shape))
+    share, _, _, _ = kernels().caustic_lobes(scene, guide, points, np.zeros_like(up), up)
+    assert (share > 0.3).all()
+
+
 def test_light_through_water_is_found_everywhere() -> None:
     """The lamp is within the water's bounds, whose bottom is a little above the ground: no spot below it is left out."""
     water = Sphere("/water", 2.0, 1)

@@ -22,6 +22,8 @@ constexpr float kReaches[] = {0.03f, 0.2f, 1e4f};
 constexpr float kElsewhere = 0.1f;
 // Lobes are sharp if they give photons, by geometric mean, at least this density per steradian; a Lambert surface's is 0.3.
 constexpr double kSharp = 20;
+// Relative error of a coordinate of a point on a surface.
+constexpr float kRounding = 1e-6f;
 // Distance, as a share of the bounding box, at which the density outside it falls to a quarter.
 constexpr float kFadeShare = 0.5f;
 
@@ -106,11 +108,26 @@ struct Builder {
     Box box;
     for (size_t i = first; i < first + count; ++i) box.add(photons[i].landing);
     const vec3 side = box.high - box.low;
-    const size_t axis = side.x >= side.y && side.x >= side.z ? 0 : side.y >= side.z ? 1 : 2;
-    const auto begin = photons.begin() + long(first), middle = begin + long(count / 2);
-    std::nth_element(begin, middle, begin + long(count), [axis](const CausticPhoton& a, const CausticPhoton& b) {
-      return component(a.landing, axis) < component(b.landing, axis);
-    });
+    const auto begin = photons.begin() + long(first), middle = begin + long(count / 2), end = begin + long(count);
+    size_t axes[] = {0, 1, 2};
+    std::stable_sort(axes, axes + 3, [&](size_t a, size_t b) { return component(side, a) > component(side, b); });
+    // Of photons on a floor, more than half may have the same height, and points there would all be taken for above a split
+    // by height: the longest side is cut that divides them.
+    const auto cut = [&](size_t axis, float least) {
+      const auto below = [axis](const CausticPhoton& a, const CausticPhoton& b) {
+        return component(a.landing, axis) < component(b.landing, axis);
+      };
+      std::nth_element(begin, middle, end, below);
+      const float split = component(middle->landing, axis),
+                  gap = split - component(std::max_element(begin, middle, below)->landing, axis);
+      return gap > least * std::abs(split);
+    };
+    const auto clearly = [&](size_t axis) { return cut(axis, kRounding); };
+    const auto at_all = [&](size_t axis) { return cut(axis, 0); };
+    const size_t* found = std::find_if(axes, axes + 3, clearly);
+    if (found == axes + 3) found = std::find_if(axes, axes + 3, at_all);
+    if (found == axes + 3) cut(*(found = axes), 0);
+    const size_t axis = *found;
     guide.axis[size_t(node)] = int(axis), guide.split[size_t(node)] = component(middle->landing, axis);
     divide(2 * node + 1, level + 1, first, count / 2), divide(2 * node + 2, level + 1, first + count / 2, count - count / 2);
   }
