@@ -138,3 +138,35 @@ def test_guided_paths_bring_the_same_light(splits: int) -> None:
     assert np.median(error / b.mean(axis=0)) < 0.05
     assert np.all(np.abs(a.mean(axis=0) - b.mean(axis=0)) < 5 * error)
     assert a.var(axis=0).mean() < 0.8 * b.var(axis=0).mean()  # what it is for
+
+
+def test_more_is_learnt_for_pictures_that_take_longer(tmp_path: Path) -> None:
+    def learn(resolution: tuple[int, int], lanes: int) -> tuple[Any, Any]:
+        scene = peer_room("ajar", resolution, 10, tmp_path)
+        return scene, core.module().learn_guide(scene._scene, asked(max_depth=10, splits=2), lanes)
+
+    def picture(scene: Any, guide: Any) -> bytes:
+        film = core.Film(scene)
+        settings = asked(max_depth=10, splits=2, threads=2, guide=guide)
+        core.module().render_pass(scene._scene, film._film, core.uniform_ends(film, 2), settings, lanes=core.lanes())
+        return bytes(film._film.replicates.tobytes())
+
+    scene, guide = learn((288, 192), core.lanes())
+    assert guide.regions > 1.2 * learn((48, 32), core.lanes())[1].regions
+    assert picture(scene, guide) == picture(scene, learn((288, 192), 4)[1])
+
+
+def test_a_guide_does_not_depend_on_the_unit_of_light(tmp_path: Path) -> None:
+    """In a room that is 250 times darker, pilots see the same errors."""
+    scene = peer_room("ajar", (96, 64), 10, tmp_path)
+    guide = core.module().learn_guide(scene._scene, asked(max_depth=10, splits=2), core.lanes())
+    assert guide is not None
+    film = core.Film(scene)
+    core.module().render_pass(
+        scene._scene, film._film, core.uniform_ends(film, 4), asked(max_depth=10, splits=2), lanes=core.lanes()
+    )
+    assert replicate_means(film._film).mean() < 0.01
+
+
+def test_paths_to_be_chosen_are_chosen() -> None:
+    assert core.module().learn_guide(room("door")._scene, asked(max_depth=DEPTH, splits=0), core.lanes()) is not None

@@ -1,12 +1,16 @@
-// Learning of the guide in three passes of paths spread over the frame, each guided by what the previous ones found. Pilots
-// decide beforehand whether there is anything to gain, after each pass whether to continue, and at the end whether the guide is
-// used.
+// Learning of the guide in passes of paths spread over the frame, each of twice as many as the one before and guided by what
+// was found so far. Pilots decide beforehand whether there is anything to gain, after each pass whether to continue, and at the
+// end whether the guide is used.
+//
+// What is learnt are sums of integers by cell and bin, from which regions are made after each pass: they take no more memory
+// for more paths, and threads may add to them in any order.
 #include "guiding/pilot/learning.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
+#include <cstdint>
+#include <mutex>
 #include <numeric>
 #include <thread>
 
@@ -35,8 +39,12 @@ constexpr double kSure = 0.65;
 constexpr float kFewSharp = 0.05f;
 // Cost ratio at which the little that has been learnt so far decides against a guide.
 constexpr double kHopeless = 1.25;
-// Tasks of the passes; one is 16 x 16 pixels with 2 x 16 samples.
-constexpr int kPasses = 3, kTasks[kPasses] = {4, 8, 16};
+// Tasks of the first pass, of which each later one has twice as many as the one before; one is 16 x 16 pixels with 2 x 16
+// samples. After kFirstPasses it is known whether a guide pays.
+constexpr int kFirstTasks = 4, kFirstPasses = 3, kPasses = 7;
+constexpr int kFirstPassesTasks = kFirstTasks * ((1 << kFirstPasses) - 1);
+// Learning continues while its rays are at most kLearningShare of those that take a picture to an error of kTarget.
+constexpr double kLearningShare = 0.05, kTarget = 0.02;
 // A region is halved while it holds twice as many records; below kFewest it is left to the BSDF.
 constexpr int kEnough = 2000, kFewest = 200;
 // Upper limit of a record's value relative to the mean: one found by a rare path would outweigh the rest.
@@ -56,7 +64,12 @@ struct Record {
   int8_t side;
 };
 
-std::vector<Record> run_task(const Scene& scene, IntegratorSettings settings, TaskFunction task, int number) {
+struct Found {
+  std::vector<Record> records;
+  double rays = 0;
+};
+
+Found run_task(const Scene& scene, IntegratorSettings settings, TaskFunction task, int number) {
   settings.splits = settings.light_samples = 1;
   settings.seed = kSeed + uint32_t(number);
   const int w = scene.camera.width, h = scene.camera.height;
@@ -69,7 +82,8 @@ std::vector<Record> run_task(const Scene& scene, IntegratorSettings settings, Ta
   const auto worker = std::make_unique<Worker>();
   Film film(kTile, kTile);
   task(scene, settings, block, *worker, film, nullptr);
-  std::vector<Record> records;
+  Found found{{}, double(film.tile_rays[0])};
+  std::vector<Record>& records = found.records;
   for (int slot = 0; slot < Worker::kSlots; ++slot) {
     for (int i = 0; i < log.counts[size_t(slot)]; ++i) {
       const GuideRecord& r = log.records[size_t(slot) * GuideLog::kMost + size_t(i)];
@@ -90,13 +104,14 @@ std::vector<Record> run_task(const Scene& scene, IntegratorSettings settings, Ta
       records.push_back({{r.p[0], r.p[1], r.p[2]}, before ? value : 0.0f, 1 / r.survival, int16_t(bin), int8_t(side[0])});
     }
   }
-  return records;
+  return found;
 }
 
 // Halves boxes of cells until each holds about as many records.
 struct Regions {
-  const std::vector<int>& counts;  // by orientation and cell
+  const std::vector<int64_t>& counts;  // by orientation and cell
   const float* extent;
+  int enough;
   Guide& guide;
   int regions = 0;
 
@@ -110,13 +125,13 @@ struct Regions {
         for (int x = a[0]; x < b[0]; ++x) f(at(side, x, y, z));
   }
   void halve(int side, std::array<int, 3> a, std::array<int, 3> b) {
-    int count = 0;
+    int64_t count = 0;
     each(side, a, b, [&](size_t i) { count += counts[i]; });
     int axis = 0;
     for (int k = 1; k < 3; ++k)
       if (extent[k] * float(b[size_t(k)] - a[size_t(k)]) > extent[axis] * float(b[size_t(axis)] - a[size_t(axis)])) axis = k;
     const size_t k = size_t(axis);
-    if (count >= 2 * kEnough && b[k] - a[k] > 1) {
+    if (count >= 2 * enough && b[k] - a[k] > 1) {
       auto middle = b;
       middle[k] = (a[k] + b[k]) / 2;
       halve(side, a, middle);
@@ -140,18 +155,6 @@ void soften(const double* bins, double* soft) {
     }
   }
 }
-
-// What was found in a region.
-struct Found {
-  double paths = 0, sum = 0, squares = 0;
-  bool inside = false;
-
-  void add(double value, double of_paths, bool in_medium) {
-    paths += of_paths, sum += value, squares += value * value, inside = in_medium;
-  }
-  // Number of records of one value that would be as uncertain.
-  double count() const { return squares > 0 ? sum * sum / squares : 0; }
-};
 
 // Blends bins that `count` records have filled with kEven records from everywhere.
 void even_out(double count, std::array<double, Guide::kBins>& bins) {
@@ -183,52 +186,159 @@ Guide::Grid grid_of(const std::vector<Record>& records, bool in_media, float (&e
   return grid;
 }
 
-std::unique_ptr<Guide> build(const std::vector<Record>& records) {
-  auto guide = std::make_unique<Guide>();
-  float extent[2][3];
-  guide->surfaces = grid_of(records, false, extent[0]), guide->media = grid_of(records, true, extent[1]);
-  const auto inside = [](const Record& r) { return r.side == Guide::kInside; };
-  guide->has_media = std::any_of(records.begin(), records.end(), inside);
-  const int sides = guide->has_media ? Guide::kInside + 1 : Guide::kSides;
-  const size_t cells = size_t(sides) * Guide::kGrid * Guide::kGrid * Guide::kGrid;
-  guide->region.assign(cells, -1);
-  std::vector<int> counts(cells), cell_of(records.size());
-  double sums[2] = {}, all[2] = {}, all_paths = 0;  // on surfaces, and in media
-  for (size_t i = 0; i < records.size(); ++i) {
-    const Record& r = records[i];
-    const vvec3<1> p{vfloat<1>(r.p[0]), vfloat<1>(r.p[1]), vfloat<1>(r.p[2])};
-    cell_of[i] = Guide::cell_of<1>(inside(r) ? guide->media : guide->surfaces, vint<1>(r.side), p)[0];
-    ++counts[size_t(cell_of[i])];
-    sums[inside(r)] += double(r.value), all[inside(r)] += 1, all_paths += double(r.paths);
+// Sums of what learning paths found in cells, or in regions of them. Values are in units of 2^-kUnitBits of the first pass's
+// mean.
+constexpr int kUnitBits = 20, kPathBits = 8, kSquareShift = 10;
+constexpr double kMostUnits = 0x1p30;
+
+struct CellSums {
+  std::array<int64_t, Guide::kBins> bins{};
+  int64_t count = 0, paths = 0, squares = 0;
+
+  void operator+=(const CellSums& other) {
+    for (size_t i = 0; i < bins.size(); ++i) bins[i] += other.bins[i];
+    count += other.count, paths += other.paths, squares += other.squares;
   }
-  Regions regions{counts, extent[0], *guide};
+  int64_t value() const { return std::accumulate(bins.begin(), bins.end(), int64_t(0)); }
+  // Number of records of one value that would be as uncertain.
+  double even_count() const {
+    const double sum = double(value() >> kSquareShift);
+    return squares > 0 ? sum * sum / double(squares) : 0;
+  }
+};
+
+bool is_inside(const Record& r) { return r.side == Guide::kInside; }
+
+// Everything that was learnt. The first pass chooses the grids and the unit of values; the mean of what was found before a pass
+// limits the values of its records.
+class Learnt {
+ public:
+  double rays = 0;
+
+  bool empty() const { return cells_.empty(); }
+  bool has_media() const { return count_[1] > 0; }
+
+  // Begins with the records of the first pass, in the order of its tasks.
+  void begin(const std::vector<Found>& first) {
+    std::vector<Record> records;
+    for (const Found& f : first) records.insert(records.end(), f.records.begin(), f.records.end());
+    if (records.empty()) return;
+    grids_[0] = grid_of(records, false, extent_[0]), grids_[1] = grid_of(records, true, extent_[1]);
+    cell_index_.assign(size_t(Guide::kSides + 1) * kCells, -1);
+    tasks_ = int(first.size());
+    for (const Found& f : first) count_pass({total_of(f)});
+    const double mean = (sums_[0] + sums_[1]) / double(count_[0] + count_[1]);
+    unit_ = mean > 0 ? mean * std::exp2(-kUnitBits) : 1;
+    set_limits();
+    for (const Found& f : first) add(f.records);
+  }
+  // Adds a later pass: `run(i)` returns what task i finds. Threads add in any order.
+  template <class Run, class Each>
+  void add_pass(int first, int tasks, bool in_media, Run run, Each each) {
+    std::vector<Total> totals{size_t(tasks)};
+    std::mutex mutex;
+    each(0, tasks, [&](int i) {
+      Found found = run(first + i);
+      if (!in_media) std::erase_if(found.records, is_inside);
+      totals[size_t(i)] = total_of(found);
+      const std::lock_guard lock(mutex);
+      add(found.records);
+    });
+    tasks_ += tasks;
+    count_pass(totals);
+    set_limits();
+  }
+
+  std::unique_ptr<Guide> build(bool in_media) const;
+  void forget_media() {
+    for (size_t cell = kCells * Guide::kSides; cell < cell_index_.size(); ++cell) cell_index_[cell] = -1;
+    sums_[1] = 0, count_[1] = 0, paths_ -= media_paths_, media_paths_ = 0;
+  }
+
+ private:
+  static constexpr size_t kCells = size_t(Guide::kGrid) * Guide::kGrid * Guide::kGrid;
+  // Sums over a task's records, on surfaces and in media.
+  struct Total {
+    double sums[2] = {}, paths[2] = {}, rays = 0;
+    int64_t count[2] = {};
+  };
+  static Total total_of(const Found& found) {
+    Total t;
+    for (const Record& r : found.records)
+      t.sums[is_inside(r)] += double(r.value), t.paths[is_inside(r)] += double(r.paths), ++t.count[is_inside(r)];
+    t.rays = found.rays;
+    return t;
+  }
+  void count_pass(const std::vector<Total>& totals) {
+    for (const Total& t : totals) {
+      for (int k = 0; k < 2; ++k) sums_[k] += t.sums[k], count_[k] += t.count[k];
+      paths_ += t.paths[0] + t.paths[1], media_paths_ += t.paths[1], rays += t.rays;
+    }
+  }
+  void set_limits() {
+    for (int k = 0; k < 2; ++k) most_[k] = count_[k] > 0 ? kMostOfMean * sums_[k] / double(count_[k]) / unit_ : 0;
+  }
+  void add(const std::vector<Record>& records) {
+    for (const Record& r : records) {
+      const vvec3<1> p{vfloat<1>(r.p[0]), vfloat<1>(r.p[1]), vfloat<1>(r.p[2])};
+      int32_t& at = cell_index_[size_t(Guide::cell_of<1>(grids_[is_inside(r)], vint<1>(r.side), p)[0])];
+      if (at < 0) at = int32_t(cells_.size()), cells_.emplace_back();
+      CellSums& cell = cells_[size_t(at)];
+      const double units = std::min({double(r.value) / unit_, most_[is_inside(r)], kMostUnits});
+      const auto value = int64_t(units);
+      cell.bins[size_t(r.bin)] += value, ++cell.count;
+      cell.paths += int64_t(std::lrint(double(r.paths) * (1 << kPathBits)));
+      cell.squares += (value >> kSquareShift) * (value >> kSquareShift);
+    }
+  }
+
+  Guide::Grid grids_[2] = {};  // of surfaces and of media
+  float extent_[2][3] = {};
+  int tasks_ = 0;
+  double unit_ = 1, most_[2] = {}, sums_[2] = {}, paths_ = 0, media_paths_ = 0;
+  int64_t count_[2] = {};
+  std::vector<int32_t> cell_index_;  // by orientation and cell; -1: no records
+  std::vector<CellSums> cells_;
+};
+
+std::unique_ptr<Guide> Learnt::build(bool in_media) const {
+  auto guide = std::make_unique<Guide>();
+  guide->surfaces = grids_[0], guide->media = grids_[1];
+  guide->has_media = in_media && has_media();
+  const int sides = guide->has_media ? Guide::kInside + 1 : Guide::kSides;
+  const size_t cells = size_t(sides) * kCells;
+  guide->region.assign(cells, -1);
+  std::vector<int64_t> counts(cells);
+  for (size_t i = 0; i < cells; ++i)
+    if (cell_index_[i] >= 0) counts[i] = cells_[size_t(cell_index_[i])].count;
+  // As in Mueller et al. 2017, regions are halved with the square root of the paths: half of what more paths bring is
+  // precision.
+  const int enough = int(kEnough * std::sqrt(std::max(1.0, double(tasks_) / kFirstPassesTasks)));
+  Regions regions{counts, extent_[0], enough, *guide};
   for (int side = 0; side < sides; ++side) {
-    if (side == Guide::kInside) regions.extent = extent[1];
+    if (side == Guide::kInside) regions.extent = extent_[1];
     regions.halve(side, {0, 0, 0}, {Guide::kGrid, Guide::kGrid, Guide::kGrid});
   }
   if (regions.regions == 0) return nullptr;
-  std::vector<double> bins(size_t(regions.regions) * Guide::kBins);
-  std::vector<Found> found(size_t(regions.regions));
-  for (size_t i = 0; i < records.size(); ++i) {
-    const Record& r = records[i];
-    const int region = guide->region[size_t(cell_of[i])];
-    if (region < 0) continue;
-    const double most = kMostOfMean * sums[inside(r)] / all[inside(r)];
-    const double value = std::min(double(r.value), most);
-    bins[size_t(region) * Guide::kBins + size_t(r.bin)] += value;
-    found[size_t(region)].add(value, double(r.paths), inside(r));
-  }
-  guide->usual = float((sums[0] + sums[1] / 4) / all_paths / kPi);
+  std::vector<CellSums> found(size_t(regions.regions));
+  const int first_inside =
+      guide->has_media ? 1 + *std::max_element(guide->region.begin(), guide->region.begin() + ptrdiff_t(kCells * Guide::kSides))
+                       : regions.regions;
+  for (size_t i = 0; i < cells; ++i)
+    if (cell_index_[i] >= 0 && guide->region[i] >= 0) found[size_t(guide->region[i])] += cells_[size_t(cell_index_[i])];
+  const double media_sum = guide->has_media ? sums_[1] / 4 : 0, paths = guide->has_media ? paths_ : paths_ - media_paths_;
+  guide->usual = float((sums_[0] + media_sum) / paths / kPi);
   guide->cdf.resize(size_t(regions.regions) * (Guide::kBins + 1));
   guide->received.resize(size_t(regions.regions));
-  std::array<double, Guide::kBins> soft;
+  std::array<double, Guide::kBins> own, soft;
   for (int region = 0; region < regions.regions; ++region) {
-    const double* own = &bins[size_t(region) * Guide::kBins];
-    const Found& of = found[size_t(region)];
-    const double mean = std::accumulate(own, own + Guide::kBins, 0.0) / of.paths / kPi;
-    guide->received[size_t(region)] = float(of.inside ? mean / 4 : mean);
-    soften(own, soft.data());
-    if (of.inside) even_out(of.count(), soft);
+    const CellSums& of = found[size_t(region)];
+    const bool inside = region >= first_inside;
+    std::copy(of.bins.begin(), of.bins.end(), own.begin());
+    const double mean = double(of.value()) * unit_ / (double(of.paths) / (1 << kPathBits)) / kPi;
+    guide->received[size_t(region)] = float(inside ? mean / 4 : mean);
+    soften(own.data(), soft.data());
+    if (inside) even_out(of.even_count(), soft);
     double total = 0, run = 0;
     for (double b : soft) total += b;
     float* cdf = &guide->cdf[size_t(region) * (Guide::kBins + 1)];
@@ -276,6 +386,13 @@ struct Comparison {
     if (last && ratio() > kSure) add(scene, settings, task, guide, 1, kPairs);
     return ratio();
   }
+  // Rays that take a pixel to an error of kTarget, the better of both ways.
+  double rays_to_target() const {
+    const double pilots = without[kPairs - 1] > 0 ? kPairs : 1;
+    const double best =
+        std::min(std::accumulate(with.begin(), with.end(), 0.0), std::accumulate(without.begin(), without.end(), 0.0));
+    return best / pilots / kTarget / (kTile * kTile);
+  }
   // Error times cost of paths with a guide, relative to paths without.
   double ratio() const {
     return kGuidedCost * std::accumulate(with.begin(), with.end(), 0.0) / std::accumulate(without.begin(), without.end(), 0.0);
@@ -284,9 +401,13 @@ struct Comparison {
 
 }  // namespace
 
-std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings& settings, TaskFunction task) {
-  if (settings.max_depth < 2) return nullptr;
-  std::vector<Record> records;
+std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings& asked, TaskFunction task) {
+  if (asked.max_depth < 2) return nullptr;
+  IntegratorSettings settings = asked;
+  if (settings.splits == 0) {
+    const Splits chosen = choose_splits(scene, asked, task);
+    settings.splits = chosen.paths, settings.light_samples = chosen.lights;
+  }
   std::unique_ptr<Guide> guide;
   double cost = 1;  // relative to paths without a guide
   const auto work = [&] {
@@ -302,33 +423,34 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
       const auto near = std::make_unique<Pilot>(scene, direct, task);
       if (relative_error(*near, whole, kLeftOut) > kMostDirect * error) return;
     }
+    Learnt learnt;
     bool in_media = true;  // until it is found not to pay
-    int first = 0;
-    for (int pass = 0; pass < kPasses; ++pass) {
-      const int tasks = kTasks[pass];
-      std::vector<std::vector<Record>> found{size_t(tasks)};
+    const double pixels = double(scene.camera.width) * double(scene.camera.height);
+    for (int pass = 0, first = 0, tasks = kFirstTasks; pass < kPasses; ++pass, first += tasks, tasks *= 2) {
       IntegratorSettings guided = settings;
       guided.guide = guide.get();
-      on_two_threads(0, tasks, [&](int i) { found[size_t(i)] = run_task(scene, guided, task, first + i); });
-      for (const auto& f : found)
-        std::copy_if(f.begin(), f.end(), std::back_inserter(records),
-                     [&](const Record& r) { return in_media || r.side != Guide::kInside; });
-      guide = records.empty() ? nullptr : build(records);
-      const bool last = pass + 1 == kPasses;
-      cost = guide ? comparison.judge(scene, settings, task, *guide, last) : 1;
-      // One on surfaces alone may pay more.
-      if (guide && guide->has_media && (last || !(cost < kHopeless))) {
-        std::vector<Record> on_surfaces;
-        std::copy_if(records.begin(), records.end(), std::back_inserter(on_surfaces),
-                     [](const Record& r) { return r.side != Guide::kInside; });
-        std::unique_ptr<Guide> other = on_surfaces.empty() ? nullptr : build(on_surfaces);
-        const double without_media = other ? comparison.judge(scene, settings, task, *other, last) : 1;
-        if (without_media < cost)
-          guide = std::move(other), records = std::move(on_surfaces), cost = without_media, in_media = false;
+      const auto run = [&](int i) { return run_task(scene, guided, task, i); };
+      if (pass == 0) {
+        std::vector<Found> found{size_t(tasks)};
+        on_two_threads(0, tasks, [&](int i) { found[size_t(i)] = run(i); });
+        learnt.begin(found);
+      } else {
+        learnt.add_pass(first, tasks, in_media, run, [](int begin, int end, auto f) { on_two_threads(begin, end, f); });
       }
-      if (!(cost < (last ? 1 : kHopeless))) return;
-      first += tasks;
+      guide = learnt.empty() ? nullptr : learnt.build(in_media);
+      if (!guide) return;
+      // Compare with what the picture's error calls for
+      const bool decides = pass + 1 >= kFirstPasses;
+      cost = comparison.judge(scene, settings, task, *guide, decides);
+      if (guide->has_media && (decides || !(cost < kHopeless))) {
+        std::unique_ptr<Guide> other = learnt.build(false);  // one on surfaces alone may pay more
+        const double without_media = other ? comparison.judge(scene, settings, task, *other, decides) : 1;
+        if (without_media < cost) guide = std::move(other), learnt.forget_media(), cost = without_media, in_media = false;
+      }
+      if (!(cost < kHopeless)) return;
+      if (decides && 2 * learnt.rays > kLearningShare * comparison.rays_to_target() * pixels) break;
     }
+    if (!(cost < 1)) return;
     guide->alone = settings.caustics && settings.caustics->sharp < kFewSharp;
   };
   std::thread(work).join();

@@ -30,8 +30,9 @@ struct Splits {
 // a distributed render makes the same choice.
 Splits choose_splits(const Scene& scene, const IntegratorSettings& settings, TaskFunction task);
 
-// Returns the guide, or null if it would not pay. A function of scene, depth and settings.splits (which must be chosen) alone,
-// not of seed, threads or lanes, so that every part of a distributed render has the same one.
+// Returns the guide, or null if it would not pay. A function of scene (with the size of its frame, as more is learnt for a
+// picture that takes longer), depth and settings.splits alone (0: as choose_splits() chooses), not of seed, threads or lanes,
+// so that every part of a distributed render has the same one.
 std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings& settings, TaskFunction task);
 
 }  // namespace primray
