@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import logging
+import sys
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -65,3 +67,9 @@ def test_the_log_for_people_is_readable() -> None:
     assert "request" in stream.getvalue()
     assert "path=/v1/jobs" in stream.getvalue()
     assert "secret" not in stream.getvalue()
+
+
+def test_a_line_is_written_while_another_thread_imports_the_tracing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The module is in Python's table then, and empty."""
+    monkeypatch.setitem(sys.modules, "opentelemetry.trace", ModuleType("opentelemetry.trace"))
+    assert monitoring._with_trace(None, "info", {"event": "request"}) == {"event": "request"}
