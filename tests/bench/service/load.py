@@ -72,6 +72,9 @@ class Connection:
     async def send(self, path: str, accept: str = "*/*") -> int:
         """The answer's status."""
         self._writer.write(f"GET {path} HTTP/1.1\r\nhost: {self._host}\r\naccept: {accept}\r\n\r\n".encode())
+        return await self.head()
+
+    async def head(self) -> int:
         head = await self._reader.readuntil(b"\r\n\r\n")
         self._length = int(found[1]) if (found := re.search(rb"content-length: (\d+)", head)) else 0
         return int(head[9:12])
