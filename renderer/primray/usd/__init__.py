@@ -18,7 +18,7 @@ from .render_settings.outputs import can_share_render, ordered_picture_channels,
 from .render_settings.render_product import ProductSettings, RenderVariable
 from .render_settings.render_settings import named_product, products
 from .stage.metadata import stage_name, used_files
-from .stage.open import open_stage, reload_layers
+from .stage.open import limit_threads, open_stage, reload_layers
 from .stage.reads import read_asset
 from .translate import camera_paths, translate
 
@@ -38,6 +38,7 @@ __all__ = [
     "is_session_camera",
     "labels_of",
     "layer_files",
+    "limit_threads",
     "named_product",
     "names_in_instances",
     "open_stage",

@@ -18,8 +18,9 @@ from ..jobs import Json
 from ..limits import Limits
 from ..problems import Problem
 from ..sandbox import layers
-from . import process
+from ..sandbox.spawn import WORKER
 from .base import Capacity, Chunk, Handle, OnMessage
+from .fork_server import ForkServer, ForkServers
 from .local_worker import KINDS, Run, SandboxLayers, Worker
 from .slots import Slots
 
@@ -27,8 +28,8 @@ LOG = logging.getLogger(__name__)
 
 CORES_A_SLOT = 8
 READY_WITHIN_S = 120.0  # on a machine under load
-# Starting a worker takes half a CPU second, which a render would miss: the next one is started when the chunk has ended, or
-# while it runs, sooner if more could come at any time.
+# Starting a worker as a program takes half a CPU second, which a render would miss: the next one is started when the chunk has
+# ended, or while it runs, sooner if more could come at any time. A forked one is started at once.
 WARM_AGAIN_AFTER_S, WARM_AGAIN_IF_FREE_AFTER_S = 8.0, 1.0
 WARM_AGAIN_AFTER_DEATH_S = 10.0
 # Time for which a worker waits for the next chunk of its group, which the dispatcher gives it after claiming it.
@@ -60,6 +61,9 @@ class LocalExecutor:
         self._sandbox_layers = sandbox_layers
         self._keeps_warm = warm
         self._slots = Slots(data.slots, ulid(time.time()))
+        self._fork_servers: ForkServers | None = None
+        if warm and sandbox_layers.program == WORKER:
+            self._fork_servers = ForkServers(self._slots, sandbox_layers.layers)
         self._warm: dict[str, Worker] = {}
         self._staying: list[Worker] = []  # idle, for chunks of their groups; the last is the newest
         self._runs: set[Run] = set()
@@ -77,6 +81,8 @@ class LocalExecutor:
     async def start(self) -> None:
         try:
             self._slots.open()
+            if self._fork_servers is not None:
+                await self._fork_servers.start()
             workers = {kind: self._start_worker(kind) for kind in KINDS}
         except OSError as error:
             raise Problem("unavailable", f"No worker could be started: {error.strerror}.") from error
@@ -101,8 +107,12 @@ class LocalExecutor:
         run.ended.add_done_callback(lambda _: self._on_end(run))
         if is_new:
             is_full = chunk.kind == "render" and self._renders() >= self._capacity.slots
-            self._warm_later(chunk.kind, WARM_AGAIN_AFTER_S if is_full else WARM_AGAIN_IF_FREE_AFTER_S)
+            after_s = WARM_AGAIN_AFTER_S if is_full else WARM_AGAIN_IF_FREE_AFTER_S
+            self._warm_later(chunk.kind, after_s if self._fork_server() is None else 0.0)
         return run
+
+    def _fork_server(self) -> ForkServer | None:
+        return None if self._fork_servers is None else self._fork_servers.current
 
     def _worker_for(self, chunk: Chunk) -> tuple[Worker, bool]:
         """Return a worker for the chunk, and whether it is a new one."""
@@ -130,7 +140,7 @@ class LocalExecutor:
         """Dismiss an idle worker when its time is over, or if it uses the CPU: it has nothing to do."""
         if worker.chunks != chunks or worker not in self._staying:
             return
-        used = process.used_by(worker.process.pid)
+        used = worker.process.used()
         is_busy = cpu_s is not None and used.cpu_s - cpu_s > IDLE_CPU_S
         left_s = until - time.monotonic()
         if left_s <= 0 or is_busy or used.rss_bytes > worker.memory_bytes:
@@ -158,6 +168,8 @@ class LocalExecutor:
         found: Json = {"ok": not self._why_not and not self._closing, "sandbox": self._layers()}
         found |= {"warm": sorted(self._warm), "staying": len(self._staying)}
         found |= {"running": len(self._runs), "slots": self._capacity.slots}
+        if self._fork_servers is not None:
+            found["fork_server"] = f"off: {why}" if (why := self._fork_servers.why_not) else "on"
         return found | ({"why": self._why_not} if self._why_not else {})
 
     def _layers(self) -> dict[str, str]:
@@ -174,12 +186,17 @@ class LocalExecutor:
         for kind in list(self._warm):
             await self._end(self._warm.pop(kind))
         await asyncio.gather(*(run.result() for run in list(self._runs)))
+        if self._fork_servers is not None:
+            await self._fork_servers.close()
         await asyncio.to_thread(self._slots.close)
 
     def _start_worker(self, kind: str, memory_bytes: int | None = None, roots: tuple[str, ...] = ()) -> Worker:
-        memory, slot = memory_bytes or self._limits.memory_bytes, self._slots.make()
+        memory, slot, threads = memory_bytes or self._limits.memory_bytes, self._slots.make(), self._capacity.threads
         try:
-            return Worker(kind, slot, memory, self._capacity.threads, self._limits, self._sandbox_layers, roots)
+            if (fork_server := self._fork_server()) is not None:
+                with suppress(OSError):  # it dies, or is behind with forks
+                    return Worker(kind, slot, memory, threads, self._limits, self._sandbox_layers, roots, fork_server)
+            return Worker(kind, slot, memory, threads, self._limits, self._sandbox_layers, roots)
         except BaseException:
             slot.remove()
             raise

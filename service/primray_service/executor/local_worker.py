@@ -20,11 +20,12 @@ from typing import Any
 from ..jobs import Json
 from ..limits import Limits
 from ..sandbox import Budget, decode_exit, worker_spawn
-from ..sandbox.spawn import WORKER
+from ..sandbox.spawn import WORKER, worker_fork
 from ..worker.protocol import LAST, BadMessage, parse
 from . import process
 from .base import Chunk, Ended, OnMessage
-from .process import Exit, WorkerProcess
+from .fork_server import ForkServer
+from .process import Exit, StartedProcess, WorkerProcess
 from .slots import Slot, fill, take_out
 
 KINDS = ("render", "check")
@@ -51,6 +52,7 @@ class Worker:
         limits: Limits,
         sandbox_layers: SandboxLayers,
         roots: tuple[str, ...] = (),
+        fork_server: ForkServer | None = None,
     ) -> None:
         self.slot = slot
         self.roots = roots
@@ -64,10 +66,16 @@ class Worker:
         self._inputs: Mapping[str, Path] = {}
         self._folders: Mapping[str, Path] = {}
         budget = Budget(memory_bytes, threads, limits.output_bytes)
-        spawn = worker_spawn(slot.root, budget, (*sandbox_layers.program, kind), sandbox_layers.layers, roots)
-        self.wrapped = spawn.wrapped
         self.ready = asyncio.Event()  # once for all its chunks
-        self.process = WorkerProcess(spawn, slot.log, limits.log_bytes, self._on_line)
+        self.wrapped = False  # whether its exit code is bubblewrap's
+        self.process: WorkerProcess
+        if fork_server is not None:
+            request = worker_fork(slot.root, budget, sandbox_layers.layers, roots)
+            self.process = fork_server.fork(kind, request, slot.log, limits.log_bytes, self._on_line)
+        else:
+            spawn = worker_spawn(slot.root, budget, (*sandbox_layers.program, kind), sandbox_layers.layers, roots)
+            self.wrapped = spawn.wrapped
+            self.process = StartedProcess(spawn, slot.log, limits.log_bytes, self._on_line)
 
     def _on_line(self, line: bytes) -> None:
         """Ignore lines before the first chunk; its earlier output does not belong to a chunk's log."""
@@ -166,7 +174,7 @@ class Run:
         self._last = ""
         self._sampling = False
         self._released = False
-        self._used = process.used_by(self._process.pid)
+        self._used = self._process.used()
         self._cpu_before_s = self._used.cpu_s
         self._peak_bytes = 0
         worker.begin(chunk)
@@ -176,7 +184,7 @@ class Run:
 
     @property
     def pid(self) -> int:
-        """Return the pid of the process that was started; a sandbox's processes may be around the worker."""
+        """Return the pid of its process (WorkerProcess.pid); a sandbox's processes may be around the worker."""
         return self._process.pid
 
     @property
@@ -253,12 +261,11 @@ class Run:
             await asyncio.wait({self._process.exit}, timeout=LOOK_EVERY_S)
 
     def _look(self) -> None:
-        used = process.used_by(self._process.pid)
+        used = self._process.used()
         if used.cpu_s < self._used.cpu_s:
             return  # it has just ended, or only the sandbox's processes are left
         self._used = used
-        peak = process.peak_rss_bytes_of(process.innermost(self._process.pid))
-        self._peak_bytes = max(self._peak_bytes, used.rss_bytes, peak)
+        self._peak_bytes = max(self._peak_bytes, used.rss_bytes, self._process.peak_rss_bytes())
         if used.rss_bytes > self._memory_bytes:
             self._kill("memory-limit")
         elif not self._sampling and used.cpu_s - self._cpu_before_s > self.chunk.load_cpu_s:
@@ -301,7 +308,7 @@ class Run:
     def _kill(self, reason: str) -> None:
         if not self.ended.done() and not self._process.exit.done():
             self._reason = self._reason or reason
-            self._process.kill(process.innermost(self._process.pid))
+            self._process.kill(gently=True)
 
     def _stay(self) -> None:
         self._look()
@@ -334,10 +341,9 @@ class Run:
     def _on_exit(self, found: asyncio.Future[Exit]) -> None:
         end = found.result()
         code, number = decode_exit(end.returncode, self._worker.wrapped)
-        reason = self._reason or ("exited" if number is None else SIGNALS.get(signal.Signals(number), "signal"))
-        peak = self._peak_bytes
-        if end.max_rss_bytes > self._process.parent_peak_bytes:  # so it is its own
-            peak = max(peak, end.max_rss_bytes)
+        how = "exited" if number is None else SIGNALS.get(signal.Signals(number), "signal")
+        reason = self._reason or ("lost" if end.lost else how)
+        peak = max(self._peak_bytes, end.max_rss_bytes)
         cpu_s = max(end.cpu_s, self._used.cpu_s) - self._cpu_before_s
         log = self._process.log
         self._end(

@@ -1,5 +1,7 @@
 """One worker process and its three pipes, in the event loop that started it: lines in, commands out, its end; and its usage.
 
+A worker is started as a program (`StartedProcess`), or forked (fork_server.py).
+
 Everything is bounded: line length, output, and the rate of messages. It belongs to the loop's thread, which must be the main
 one: workers die with the thread that started them. Memory and CPU seconds of its processes together are read from /proc.
 """
@@ -8,14 +10,16 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 import signal
 import subprocess
 import time
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import IO, Protocol
 
 from primray.report.report import peak_rss_bytes
 
@@ -41,49 +45,58 @@ class Start(Protocol):
 class Exit:
     returncode: int  # negative: a signal
     cpu_s: float  # of it and of all children that it has waited for
-    max_rss_bytes: int
+    max_rss_bytes: int  # 0: unknown
+    lost: bool = False  # nobody knows how it ended
+
+
+@dataclass(frozen=True)
+class Pipes:
+    """The server's ends of a worker's pipes."""
+
+    stdin: IO[bytes]
+    stdout: IO[bytes]
+    stderr: IO[bytes]
 
 
 OnLine = Callable[[bytes], None]
 
 
-class WorkerProcess:
-    """A process. `on_line` gets complete lines without their end, in order, and the beginning of one that is too long."""
+class WorkerProcess(ABC):
+    """A worker behind its pipes. `on_line` gets complete lines without their end, in order, and the beginning of one that is
+    too long."""
 
-    def __init__(self, start: Start, log: Path, log_bytes: int, on_line: OnLine) -> None:
+    def __init__(self, pipes: Pipes, log: Path, log_bytes: int, on_line: OnLine) -> None:
         self._loop = asyncio.get_running_loop()
         self.on_line = on_line
         self._log_bytes = log_bytes
         self.log = ProcessLog(log, log_bytes)
         self.exit: asyncio.Future[Exit] = self._loop.create_future()
-        # A child started by vfork inherits its parent's peak in its own.
-        self.parent_peak_bytes = peak_rss_bytes()
-        child = subprocess.Popen(
-            start.argv,
-            env=start.env,
-            cwd=start.cwd,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-            bufsize=0,
-        )
-        child.returncode = 0  # reaped here; Popen must not do it
-        self.pid = child.pid
-        assert child.stdin is not None
-        assert child.stdout is not None
-        assert child.stderr is not None
-        self._stdin, self._stdout, self._stderr = child.stdin, child.stdout, child.stderr
+        self._stdin, self._stdout, self._stderr = pipes.stdin, pipes.stdout, pipes.stderr
         for pipe in (self._stdin, self._stdout, self._stderr):
             os.set_blocking(pipe.fileno(), False)
         self._to_write = bytearray()
         self._line = bytearray()
         self._second = time.monotonic()
         self._bytes = self._lines = 0
-        self._pidfd = os.pidfd_open(self.pid)
         self._loop.add_reader(self._stdout.fileno(), self._read_messages)
         self._loop.add_reader(self._stderr.fileno(), self._read_log)
-        self._loop.add_reader(self._pidfd, self._ended)
+
+    @property
+    @abstractmethod
+    def pid(self) -> int:
+        """Return the id of the process that does the work, or of one around it; ProcessLookupError before it exists."""
+
+    @abstractmethod
+    def used(self) -> Used:
+        """Return what it and its descendants use."""
+
+    @abstractmethod
+    def peak_rss_bytes(self) -> int:
+        """Return the most memory that the worker has held; 0 if it is gone."""
+
+    @abstractmethod
+    def kill(self, *, gently: bool = False) -> None:
+        """End it now; `gently`: so that those around it can report its usage."""
 
     def write(self, line: bytes) -> None:
         if self.exit.done() or self._stdin.closed:
@@ -101,18 +114,6 @@ class WorkerProcess:
         except OSError:  # it is gone, or has closed its stdin: its end is reported elsewhere
             self._to_write.clear()
         self._loop.remove_writer(self._stdin.fileno())
-
-    def kill(self, inner: int | None = None) -> None:
-        """End it; `inner` is the process to kill first, so that those around it can report its usage."""
-        if self.exit.done():
-            return
-        if inner is not None and inner != self.pid:
-            with suppress(ProcessLookupError):
-                os.kill(inner, signal.SIGKILL)
-            self._loop.call_later(0.25, self.kill)
-            return
-        with suppress(ProcessLookupError):
-            os.killpg(self.pid, signal.SIGKILL)
 
     def _read_messages(self) -> None:
         data = _read(self._stdout.fileno())
@@ -165,11 +166,8 @@ class WorkerProcess:
         self.log = ProcessLog(path, self._log_bytes)
         return whole.path
 
-    def _ended(self) -> None:
-        _, status, usage = os.wait4(self.pid, 0)
-        self._loop.remove_reader(self._pidfd)
-        os.close(self._pidfd)
-        # Its last lines are still in the pipes: read as much as they hold, whoever else has them open.
+    def _close(self, ended: Exit) -> None:
+        """Read what the pipes still hold, whoever else has them open, and report the end."""
         for pipe, take in ((self._stdout, self._take), (self._stderr, self.log.add)):
             self._loop.remove_reader(pipe.fileno())
             for _ in range(64):
@@ -181,9 +179,65 @@ class WorkerProcess:
         self._loop.remove_writer(self._stdin.fileno())
         self._stdin.close()
         self.log.close()
-        code = os.waitstatus_to_exitcode(status)
         if not self.exit.done():
-            self.exit.set_result(Exit(code, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024))
+            self.exit.set_result(ended)
+
+
+class StartedProcess(WorkerProcess):
+    """A worker that was started as a program. `pass_fds`: files that it inherits beside its pipes."""
+
+    def __init__(self, start: Start, log: Path, log_bytes: int, on_line: OnLine, pass_fds: Sequence[int] = ()) -> None:
+        # A child started by vfork inherits its parent's peak in its own.
+        self._parent_peak_bytes = peak_rss_bytes()
+        child = subprocess.Popen(
+            start.argv,
+            env=start.env,
+            cwd=start.cwd,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            bufsize=0,
+            pass_fds=pass_fds,
+        )
+        child.returncode = 0  # reaped here; Popen must not do it
+        self._child = child.pid
+        assert child.stdin is not None
+        assert child.stdout is not None
+        assert child.stderr is not None
+        super().__init__(Pipes(child.stdin, child.stdout, child.stderr), log, log_bytes, on_line)
+        self._pidfd = os.pidfd_open(self._child)
+        self._loop.add_reader(self._pidfd, self._ended)
+
+    @property
+    def pid(self) -> int:
+        return self._child
+
+    def used(self) -> Used:
+        return used_by(self._child)
+
+    def peak_rss_bytes(self) -> int:
+        return peak_rss_bytes_of(innermost(self._child))
+
+    def kill(self, *, gently: bool = False) -> None:
+        if self.exit.done():
+            return
+        inner = innermost(self._child) if gently else self._child
+        if inner != self._child:
+            with suppress(ProcessLookupError):
+                os.kill(inner, signal.SIGKILL)
+            self._loop.call_later(0.25, self.kill)
+            return
+        with suppress(ProcessLookupError):
+            os.killpg(self._child, signal.SIGKILL)
+
+    def _ended(self) -> None:
+        _, status, usage = os.wait4(self._child, 0)
+        self._loop.remove_reader(self._pidfd)
+        os.close(self._pidfd)
+        peak = usage.ru_maxrss * 1024
+        own_peak = peak if peak > self._parent_peak_bytes else 0
+        self._close(Exit(os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime, own_peak))
 
 
 def _read(handle: int) -> bytes | None:
@@ -251,26 +305,28 @@ class Used:
 
 def used_by(pid: int) -> Used:
     """Return the usage of the process and all of its descendants."""
-    rss = cpu = 0
-    for process in _tree(pid):
-        try:
-            rss += int(Path(f"/proc/{process}/statm").read_text("ascii").split()[1])
-            after_name = Path(f"/proc/{process}/stat").read_bytes().rpartition(b")")[2].split()
-            cpu += sum(map(int, after_name[11:15]))
-        except (OSError, ValueError, IndexError):
-            continue  # it has just ended
-    return Used(rss * PAGE, cpu / TICKS)
+    each = [used_alone(process) for process in _tree(pid)]
+    return Used(sum(used.rss_bytes for used in each), sum(used.cpu_s for used in each))
+
+
+def used_alone(pid: int) -> Used:
+    """Return the usage of the process without its descendants."""
+    try:
+        with open(f"/proc/{pid}/stat", "rb", buffering=0) as file:
+            after_name = file.read().rpartition(b")")[2].split()
+        return Used(int(after_name[21]) * PAGE, sum(map(int, after_name[11:15])) / TICKS)
+    except (OSError, ValueError, IndexError):
+        return Used()  # it has just ended
 
 
 def peak_rss_bytes_of(pid: int) -> int:
     """Return the most memory that one process has held (VmHWM); 0 if it is gone."""
     try:
-        for line in Path(f"/proc/{pid}/status").read_text("ascii", "replace").splitlines():
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024
+        with open(f"/proc/{pid}/status", "rb", buffering=0) as file:
+            found = re.search(rb"^VmHWM:\s*(\d+)", file.read(), re.MULTILINE)
     except OSError:
-        pass
-    return 0
+        return 0
+    return 0 if found is None else int(found[1]) * 1024
 
 
 def innermost(pid: int) -> int:

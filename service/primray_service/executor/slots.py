@@ -45,28 +45,28 @@ class Slots:
     """The folders of one executor's workers."""
 
     def __init__(self, folder: Path, name: str) -> None:
-        self._folder = folder
+        self.folder = folder
         self._name = name
         self._made = 0
         self._lock: int | None = None
 
     def open(self) -> None:
         """Remove what dead servers left, and begin."""
-        self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        for lock in self._folder.glob("*.lock"):
+        self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        for lock in self.folder.glob("*.lock"):
             _remove_if_dead(lock)
-        for slot in self._folder.iterdir():
-            if slot.is_dir() and not self._folder.joinpath(f"{slot.name.rsplit('-', 1)[0]}.lock").exists():
+        for slot in self.folder.iterdir():
+            if slot.is_dir() and not self.folder.joinpath(f"{slot.name.rsplit('-', 1)[0]}.lock").exists():
                 shutil.rmtree(slot, ignore_errors=True)
         _, self._lock = make_held(self._make_lock)
 
     def _make_lock(self) -> tuple[Path, int]:
-        path = self._folder / f"{self._name}.lock"
+        path = self.folder / f"{self._name}.lock"
         return path, os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
 
     def make(self) -> Slot:
         self._made += 1
-        slot = Slot(self._folder / f"{self._name}-{self._made}")
+        slot = Slot(self.folder / f"{self._name}-{self._made}")
         slot.root.mkdir(mode=0o700)
         slot.job.mkdir(mode=0o700)
         slot.out.mkdir(mode=0o700)
@@ -74,10 +74,10 @@ class Slots:
 
     def close(self) -> None:
         """Remove all folders that are left."""
-        for slot in self._folder.glob(f"{self._name}-*"):
+        for slot in self.folder.glob(f"{self._name}-*"):
             shutil.rmtree(slot, ignore_errors=True)
         if self._lock is not None:
-            (self._folder / f"{self._name}.lock").unlink(missing_ok=True)
+            (self.folder / f"{self._name}.lock").unlink(missing_ok=True)
             os.close(self._lock)
             self._lock = None
 

@@ -6,6 +6,7 @@ reach.
     landlock.py                        which files can be opened; TCP, abstract sockets and signals too on newer kernels
     seccomp.py                         which system calls can be made
     bubblewrap.py                      an empty root with only what Python needs
+    namespaces.py                      a forked worker joins the namespaces that bubblewrap made
     spawn.py                           which of these work here; a worker's argument list and environment (the server's side)
     entry.py                           `enter()` (the worker's side), drops privileges before anything large is imported
     attempts.py, self_test.py          attempts from inside that must fail; for /readyz

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .entry import enter
+from .entry import Entered, enter
 
 _libc = ctypes.CDLL(None, use_errno=True)
 _PTRACE_SEIZE = 0x4206
@@ -96,8 +96,10 @@ def _execute() -> None:
 
 
 def main() -> None:
-    entered = enter()
-    targets = json.loads(sys.argv[1])
+    attempt_all(enter(), json.loads(sys.argv[1]))
+
+
+def attempt_all(entered: Entered, targets: dict[str, Any]) -> None:
     for name, attempt in tries(targets, entered.job, entered.out).items():
         try:
             attempt()

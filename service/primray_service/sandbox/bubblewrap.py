@@ -29,6 +29,21 @@ def wrap(slot: Path, environment: Mapping[str, str], command: Sequence[str], bes
     return [program, *_root(_with_proc()), *shown, *_folders(slot), *_environment(environment), "--chdir", OUT, "--", *command]
 
 
+# The program that keeps a worker's root and namespaces until a forked process has joined them, and as long as that runs: it
+# waits for its input, and its first answer says that the root is made.
+PARKED = "/cat"
+
+
+def park(slot: Path, beside: Sequence[str] = ()) -> list[str]:
+    """Return the argument list that makes the root of `wrap` around a program that only waits."""
+    program, cat = shutil.which("bwrap"), shutil.which("cat")
+    if program is None or cat is None:
+        raise FileNotFoundError("bwrap" if program is None else "cat")
+    shown = [word for path in beside for word in ("--ro-bind", path, path)]
+    parked = ["--ro-bind", os.path.realpath(cat), PARKED]
+    return [program, *_root(_with_proc()), *shown, *parked, *_folders(slot), "--chdir", "/", "--", PARKED]
+
+
 def missing() -> str | None:
     """Return why it cannot be used here, or None; tried once."""
     if shutil.which("bwrap") is None:

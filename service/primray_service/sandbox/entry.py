@@ -13,6 +13,7 @@ import os
 import signal
 import struct
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -44,10 +45,11 @@ class Entered:
     took_ms: dict[str, float] = field(default_factory=dict)  # by layer
 
 
-def enter(keep_files: tuple[int, ...] = ()) -> Entered:
+def enter(keep_files: tuple[int, ...] = (), plan: Mapping[str, Any] | None = None) -> Entered:
     """Enter the sandbox, for good. Afterwards the current folder, HOME and TMPDIR are in the output folder; all files but
-    standard input, output, error and `keep_files` are closed."""
-    plan = _plan()
+    standard input, output, error and `keep_files` are closed. `plan`: a forked worker's; None: that of the environment."""
+    if plan is None:
+        plan = _plan()
     entered = Entered(Path(plan["job"]), Path(plan["out"]), frozenset(plan["layers"]))
     try:
         _require_one_thread()
@@ -83,18 +85,18 @@ def _require_one_thread() -> None:
         raise SandboxError(f"{threads} threads run already: the sandbox must be entered before anything starts one")
 
 
-def _limits(plan: dict[str, Any]) -> None:
+def _limits(plan: Mapping[str, Any]) -> None:
     set_limits(plan["limits"])
     drop_capabilities()
     no_new_privileges()
 
 
-def _landlock(plan: dict[str, Any]) -> None:
+def _landlock(plan: Mapping[str, Any]) -> None:
     no_new_privileges()
     landlock.restrict(plan["readable"], [plan["out"]], plan["devices"])
 
 
-def _seccomp(plan: dict[str, Any]) -> None:
+def _seccomp(plan: Mapping[str, Any]) -> None:
     no_new_privileges()
     seccomp.install()
 

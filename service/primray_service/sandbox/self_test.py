@@ -20,7 +20,7 @@ from .spawn import layers, worker_spawn, works
 
 _PROGRAM = "primray_service.sandbox.attempts"
 _TIMEOUT_S = 20.0
-_LAST = "execute a program"
+LAST = "execute a program"  # the attempt that ends its process if it is allowed
 
 
 @dataclass(frozen=True)
@@ -39,16 +39,23 @@ class SelfTest:
 def self_test(folder: Path, only: frozenset[str] | None = None) -> SelfTest:
     """Run the self-test; blocks for some 0.2 s. `folder`: below the data directory, where slots are; `only`: fewer layers than
     are available."""
-    with _slot(folder) as slot, _targets(slot) as targets:
+    with slot_and_targets(folder) as (slot, targets):
         attempts, problem = _run(slot, targets, only)
     allowed = sorted(name for name, result in attempts.items() if result == "allowed")
-    if problem is None and _LAST not in attempts:
+    if problem is None and LAST not in attempts:
         problem = "it ended before all attempts were made"
     if problem is None and allowed:
         problem = f"a worker can {', '.join(allowed)}"
     if problem is None and not works(only):
         problem = "neither Landlock nor bubblewrap with seccomp works here"
     return SelfTest(problem is None, layers(), attempts, problem)
+
+
+@contextmanager
+def slot_and_targets(folder: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Provide a worker's folder, and targets that could be reached without a sandbox."""
+    with _slot(folder) as slot, _targets(slot) as targets:
+        yield slot, targets
 
 
 @contextmanager

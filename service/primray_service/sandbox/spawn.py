@@ -16,9 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from . import bubblewrap, landlock, seccomp
-from .bubblewrap import DEVICES, machine_paths, readable_paths
+from .bubblewrap import DEVICES, JOB, OUT, machine_paths, readable_paths
 from .limits import Budget, limits_of
 
 LAYERS = ("rlimits", "landlock", "seccomp", "bubblewrap")
@@ -60,6 +61,7 @@ def _seccomp() -> str:
     return "on"
 
 
+Json = dict[str, Any]
 WORKER = ("-m", "primray_service.worker")
 INHERITED = ("PRIMRAY_ISA",)
 PLAN = "PRIMRAY_SANDBOX"  # environment variable with the plan for `enter`
@@ -87,19 +89,11 @@ def worker_spawn(
     on = usable_layers() if layers is None else layers
     wrapped = "bubblewrap" in on
     slot = slot.resolve()
-    job, out = (bubblewrap.JOB, bubblewrap.OUT) if wrapped else (str(slot / "job"), str(slot / "out"))
+    job, out = (JOB, OUT) if wrapped else (str(slot / "job"), str(slot / "out"))
     colors = configuration()
     luts = () if colors is None else readable_files(colors, slot)
-    plan = {
-        "job": job,
-        "out": out,
-        "layers": sorted(on),
-        "limits": limits_of(budget),
-        "readable": [*readable_paths(), *machine_paths(), *luts, *roots, job],
-        "devices": list(DEVICES),
-        "parent": None if wrapped else os.getpid(),
-    }
-    env = {**_environment(out, budget.threads), **({} if colors is None else {OCIO: colors}), PLAN: json.dumps(plan)}
+    plan = _plan(on, budget, job, out, (*luts, *roots)) | {"parent": None if wrapped else os.getpid()}
+    env = {**_environment(out, colors), **_usd_threads(budget.threads), PLAN: json.dumps(plan)}
     # Isolated mode: no PYTHON* variables, no user site-packages, not the current folder. No .pyc files are written.
     command = [sys.executable, "-I", "-B", *program]
     argv = bubblewrap.wrap(slot, env, command, (*luts, *roots)) if wrapped else command
@@ -107,19 +101,64 @@ def worker_spawn(
     return Spawn(argv=argv, env={} if wrapped else env, cwd="/", job=job, out=out, wrapped=wrapped)
 
 
-def _environment(out: str, threads: int) -> dict[str, str]:
-    """Return the worker's complete environment: beside the OpenColorIO configuration only the core's ISA class is
-    inherited, and no plug-in path, search path or token."""
+def fork_server_spawn(slot: Path, handle: int) -> Spawn:
+    """Return how to start the process that workers are forked from (worker/fork_server.py), which reads requests from the
+    socket `handle`. Its environment is that of workers in so far as it is the same for all of them. `slot`: for a file that it
+    opens and removes again."""
+    argv = [sys.executable, "-I", "-B", "-m", "primray_service.worker.fork_server", str(handle)]
+    return Spawn(argv=argv, env=_environment(OUT, configuration()), cwd=str(slot), job="", out="", wrapped=False)
+
+
+def worker_fork(
+    slot: Path,
+    budget: Budget,
+    layers: frozenset[str] | None = None,
+    roots: Sequence[str] = (),
+) -> Json:
+    """Return what the fork server must know to start a worker with the sandbox of `worker_spawn`."""
+    on = usable_layers() if layers is None else layers
+    wrapped = "bubblewrap" in on
+    slot = slot.resolve()
+    job, out = (JOB, OUT) if wrapped else (str(slot / "job"), str(slot / "out"))
+    colors = configuration()
+    beside = (*(() if colors is None else readable_files(colors, slot)), *roots)
+    return {
+        "plan": _plan(on, budget, job, out, beside),
+        "environment": _environment(out, colors),
+        "threads": budget.threads,
+        "bubblewrap": bubblewrap.park(slot, beside) if wrapped else None,
+    }
+
+
+def _plan(on: frozenset[str], budget: Budget, job: str, out: str, beside: Sequence[str]) -> Json:
+    return {
+        "job": job,
+        "out": out,
+        "layers": sorted(on),
+        "limits": limits_of(budget),
+        "readable": [*readable_paths(), *machine_paths(), *beside, job],
+        "devices": list(DEVICES),
+    }
+
+
+def _environment(out: str, colors: str | None) -> dict[str, str]:
+    """Return the worker's environment: beside the OpenColorIO configuration only the core's ISA class is inherited, and no
+    plug-in path, search path or token."""
     chosen = {name: os.environ[name] for name in INHERITED if name in os.environ}
     return chosen | {
         "HOME": f"{out}/tmp",
         "TMPDIR": f"{out}/tmp",
         "LANG": "C.UTF-8",
         "LC_ALL": "C.UTF-8",
-        "PXR_WORK_THREAD_LIMIT": str(threads),
-        "TF_ENV_SETTING_ALERTS_ENABLED": "0",  # otherwise USD prints a warning about the line above
         "OPENBLAS_NUM_THREADS": "1",  # numpy's; each thread reserves memory and none has work
+        **({} if colors is None else {OCIO: colors}),
     }
+
+
+def _usd_threads(threads: int) -> dict[str, str]:
+    """Return the variables that limit USD's threads in a process that is not forked."""
+    # The second one keeps USD from printing a warning about the first.
+    return {"PXR_WORK_THREAD_LIMIT": str(threads), "TF_ENV_SETTING_ALERTS_ENABLED": "0"}
 
 
 def decode_exit(returncode: int, wrapped: bool) -> tuple[int | None, int | None]:

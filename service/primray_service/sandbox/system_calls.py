@@ -246,6 +246,7 @@ OURS: Mapping[str, Numbers] = {
     "landlock_create_ruleset": (444, 444),
     "landlock_restrict_self": (446, 446),
     "seccomp": (317, 277),
+    "setns": (308, 268),
 }
 
 # Later calls are unknown here (Linux 6.18): a worker gets ENOSYS, as on an older kernel.

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pxr import Ar, Sdf, Tf, Usd, UsdUtils
+from pxr import Ar, Sdf, Tf, Usd, UsdUtils, Work
 
 from ...composition import Composition
 from ...diagnostics import Diagnostics
@@ -297,3 +297,9 @@ def _reload(layer: Sdf.Layer, name: str) -> None:
         layer.Reload(force=True)
     except Tf.ErrorException as error:
         raise StageOpenError(f"USD cannot read it: {tf_message(error)}", where=name) from None
+
+
+def limit_threads(threads: int) -> None:
+    """Limit the threads that USD uses beside the calling one; with 1 it starts none. The environment variable
+    PXR_WORK_THREAD_LIMIT has precedence."""
+    Work.SetConcurrencyLimit(threads)
