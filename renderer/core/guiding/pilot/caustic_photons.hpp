@@ -25,8 +25,8 @@ struct CausticTarget {
 std::vector<CausticTarget> caustic_targets(const Scene& scene);
 
 // Traces photons and returns those that landed on surfaces which scatter widely, after at least one and at most `longest` - 1
-// smooth surfaces. Empty if no small light reaches a smooth surface. A function of scene and depth alone; threads do not change
-// a bit.
+// smooth surfaces. Empty if no small light reaches a smooth surface. A function of scene, size of the frame and depth; threads
+// do not change a bit.
 std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int threads);
 
 }  // namespace primray
