@@ -1,7 +1,7 @@
 """Small jobs by the thousand: clients that each upload a new stage, ask for 64 x 48 pixels at 4 samples and fetch the PNG; and
 one 32 x 32 picture of an uploaded stage on an idle server.
 
-python -m tests.bench.service.small_jobs [--clients 8 64] [--seconds 20] [--rounds 9] [--slots N]
+python -m tests.bench.service.small_jobs [--clients 8 64] [--lead-in 8] [--seconds 20] [--rounds 9] [--slots N]
 
 Clients, server and workers share the machine, so what matters beside jobs a second is CPU seconds a job: of the server's
 process, of all its other processes (workers, and what starts them), of the clients. They come from a control group of the
@@ -17,7 +17,7 @@ import json
 import os
 import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,48 +29,48 @@ from tests.service.serving import RunningServer
 SMALL: Json = {"resolution": [64, 48], "stop": {"max_samples": 4}}
 TINY: Json = {"resolution": [32, 32], "stop": {"max_samples": 4}}
 QUOTAS = {"requests_per_s": None, "queued_jobs": None}
-GROUPS = (Path("/sys/fs/cgroup/cpuacct"), Path("/sys/fs/cgroup"))
+USAGE = {Path("/sys/fs/cgroup/cpuacct"): "cpuacct.usage", Path("/sys/fs/cgroup"): "cpu.stat"}  # cgroup v1, v2
 
 Row = dict[str, Any]
 
 
 class Group:
-    """A control group with a server and all processes that it starts from now on."""
+    """A control group for a server and all processes that it starts."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, usage: str) -> None:
         self._folder = folder
+        self._usage = folder / usage
+
+    def add(self, pid: int) -> None:
+        for process in tree(pid):
+            (self._folder / "cgroup.procs").write_text(str(process))
 
     @property
     def cpu_s(self) -> float:
-        with contextlib.suppress(FileNotFoundError):
-            return int((self._folder / "cpuacct.usage").read_text()) / 1e9
-        lines = dict(line.split() for line in (self._folder / "cpu.stat").read_text().splitlines())
-        return int(lines["usage_usec"]) / 1e6
+        text = self._usage.read_text()
+        return int(text) / 1e9 if text.strip().isdigit() else int(text.split()[1]) / 1e6  # usage_usec comes first
 
 
 @contextlib.contextmanager
-def group_of(pid: int) -> Iterator[Group | None]:
-    for parent in GROUPS:
-        folder = parent / f"primray-bench-{os.getpid()}"
-        try:
+def control_group() -> Iterator[Group | None]:
+    """An empty group, which is removed once its processes have ended; None where none can be made."""
+    for parent, usage in USAGE.items():
+        folder = parent / f"primray-bench-{os.getpid()}-{time.monotonic_ns()}"
+        with contextlib.suppress(OSError):
             folder.mkdir()
-        except OSError:
-            continue
-        break
+            if (folder / usage).exists():
+                break
+            folder.rmdir()
     else:
         yield None
         return
-    home = folder.parent / "cgroup.procs"
     try:
-        for process in tree(pid):
-            (folder / "cgroup.procs").write_text(str(process))
-        yield Group(folder)
+        yield Group(folder, usage)
     finally:
-        for left in (folder / "cgroup.procs").read_text().split():
-            with contextlib.suppress(OSError):
-                home.write_text(left)
-        with contextlib.suppress(OSError):
-            folder.rmdir()
+        until = time.monotonic() + 10
+        while (folder / "cgroup.procs").read_text() and time.monotonic() < until:
+            time.sleep(0.05)
+        folder.rmdir()
 
 
 def tree(pid: int) -> list[int]:
@@ -132,38 +132,42 @@ async def keep_asking(url: str, number: int, until: float, took: list[float], er
     client.close()
 
 
-async def all_asking(url: str, clients: int, until: float, took: list[float], errors: list[str]) -> None:
+async def all_asking(url: str, clients: int, lead_in_s: float, seconds: float, look: Callable[[], Row]) -> Row:
+    """Let all ask; what is measured begins after a time in which the queue fills, and does not wait for what is under way."""
+    took: list[float] = []
+    errors: list[str] = []
+    began = time.perf_counter()
+    until = began + lead_in_s + seconds
     asking = [asyncio.create_task(keep_asking(url, number, until, took, errors)) for number in range(clients)]
-    await asyncio.wait(asking, timeout=until - time.perf_counter())
+    await asyncio.sleep(lead_in_s)
+    took.clear()
+    before, began = look(), time.perf_counter()
+    await asyncio.wait(asking, timeout=until - began)
+    used = {name: now - before[name] for name, now in look().items()}
+    passed = time.perf_counter() - began
     for task in asking:
         if not task.cancel():
             task.result()
     await asyncio.wait(asking)
-
-
-def load(clients: int, seconds: float, **settings: Any) -> Row:
-    """Jobs that ended within the time; what is under way at its end has cost CPU seconds and does not count."""
-    with serving(quotas=QUOTAS, **settings) as server, group_of(server.process.pid) as group:
-        took: list[float] = []
-        errors: list[str] = []
-        before = usage(server, group)
-        began = time.perf_counter()
-        asyncio.run(all_asking(server.url, clients, began + seconds, took, errors))
-        passed = time.perf_counter() - began
-        used = {name: now - before[name] for name, now in usage(server, group).items()}
-        jobs = len(took)
-    each = {name: round(spent / max(jobs, 1), 4) for name, spent in used.items()}
+    jobs = len(took)
     return {
         "clients": clients,
         "seconds": round(passed, 2),
         "jobs": jobs,
         "jobs_a_second": round(jobs / passed, 2),
-        "cpu_s_a_job": each,
+        "cpu_s_a_job": {name: round(spent / max(jobs, 1), 4) for name, spent in used.items()},
         "cores_busy": round(sum(used.values()) / passed, 2),
         "job": quantiles(took) if took else None,
         "errors": errors[:5],
         "load": round(os.getloadavg()[0], 2),
     }
+
+
+def load(clients: int, lead_in_s: float, seconds: float, **settings: Any) -> Row:
+    with control_group() as group, serving(quotas=QUOTAS, **settings) as server:
+        if group is not None:
+            group.add(server.process.pid)
+        return asyncio.run(all_asking(server.url, clients, lead_in_s, seconds, lambda: usage(server, group)))
 
 
 def usage(server: RunningServer, group: Group | None) -> dict[str, float]:
@@ -198,13 +202,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.bench.service.small_jobs", description=__doc__)
     parser.add_argument("--clients", type=int, nargs="*", default=[8, 64])
     parser.add_argument("--seconds", type=float, default=20)
+    parser.add_argument(
+        "--lead-in", type=float, default=8, metavar="S", help="until the queue is full, before what is measured"
+    )
     parser.add_argument("--rounds", type=int, default=9, help="of the picture on an idle server; 0: none")
     parser.add_argument("--pause", type=float, default=2.0, metavar="S")
     parser.add_argument("--slots", type=int)
     parser.add_argument("--no-results", action="store_true", help="only print")
     options = parser.parse_args()
     settings = {} if options.slots is None else {"slots": options.slots}
-    rows = [load(clients, options.seconds, **settings) for clients in options.clients]
+    rows = [load(clients, options.lead_in, options.seconds, **settings) for clients in options.clients]
     if options.rounds:
         rows.append(idle(options.rounds, options.pause, **settings))
     for row in rows:
