@@ -1,6 +1,7 @@
 """Notification of changes to jobs, and reads that concurrent callers share.
 
-Long polls and event streams are woken by commits of this process, and poll the store every second for commits of other servers.
+Long polls and event streams are woken by commits of this process, and poll the store every second for commits of other servers;
+long polls less often where no other server is expected.
 What they then read is loaded once for all of them; it is valid until the store reports a change of the job.
 """
 
@@ -18,8 +19,9 @@ LOOK_EVERY_S = 1.0
 class Changes:
     """Waiters for changes of jobs. `changed` is thread-safe; everything else belongs to the event loop it was created in."""
 
-    def __init__(self) -> None:
+    def __init__(self, look_every_s: float = LOOK_EVERY_S) -> None:
         self._loop = asyncio.get_running_loop()
+        self.look_every_s = look_every_s  # for those who wait for nothing but the job
         self._waiting: defaultdict[str, set[asyncio.Event]] = defaultdict(set)
         self.closing = False
 
@@ -52,10 +54,10 @@ class Changes:
                 del self._waiting[job_id]
 
 
-async def wait(event: asyncio.Event, timeout_s: float) -> None:
+async def wait(event: asyncio.Event, timeout_s: float, look_every_s: float = LOOK_EVERY_S) -> None:
     """Wait until the event is set, or until it is time to poll."""
     with suppress(TimeoutError):
-        await asyncio.wait_for(event.wait(), min(timeout_s, LOOK_EVERY_S))
+        await asyncio.wait_for(event.wait(), min(timeout_s, look_every_s))
     event.clear()
 
 

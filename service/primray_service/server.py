@@ -23,7 +23,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from . import monitoring
 from .app import create_app
-from .changes import Changes, SharedReads
+from .changes import LOOK_EVERY_S, Changes, SharedReads
 from .config import ServeConfig
 from .dispatcher import Dispatcher
 from .executor.base import executor_maker
@@ -46,6 +46,7 @@ HEADER_BYTES = 32 * 1024
 FIRST_HEADER_S = 30.0  # a connection that has not sent a request's head by then is closed
 KEEP_ALIVE_S = 75
 SHARED_READ_S = 1.0
+LOOK_ALONE_EVERY_S = 3.0
 SWITCH_INTERVAL_S = 0.001
 
 
@@ -116,9 +117,10 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     store = await asyncio.to_thread(open_store, config.database_url)
     await asyncio.to_thread(store.migrate)
     await asyncio.to_thread(sweep, store, data)
-    changes = Changes()
     # Another server's changes are noticed a moment later, so reads are shared among callers only if there is no other server.
-    reads = SharedReads(SHARED_READ_S if config.database_url.startswith("sqlite") else 0.0)
+    is_alone = config.database_url.startswith("sqlite")
+    changes = Changes(LOOK_ALONE_EVERY_S if is_alone else LOOK_EVERY_S)
+    reads = SharedReads(SHARED_READ_S if is_alone else 0.0)
     # The order matters: those who are woken by a change read it.
     unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
     executor = executor_maker(config.executor)(config, data)

@@ -31,6 +31,7 @@ LOG = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 0.5
 LOOK_SOONEST_S = 0.05  # after the last look at jobs
+PREEMPT_SOONEST_S = 0.25  # after the last look at who waits: short frames leave their slots anyway
 LOOK_AT_DISK_EVERY_S = 2.0
 STOP_WITHIN_S = 4.0
 PREVIEW_ASKED_S = 15.0  # a client that asked for a preview this long before the frame began is still watching
@@ -56,6 +57,7 @@ class Scheduler:
         self._asked: dict[tuple[str, int], float] = {}  # previews requested for frames that did not run yet
         self._disk_at = 0.0
         self._look_at = 0.0
+        self._preempt_at = 0.0
         self._later: asyncio.TimerHandle | None = None
 
     def wake(self) -> None:
@@ -256,8 +258,13 @@ class Scheduler:
                 running.kill("expired")
 
     async def _ask_to_give_way(self) -> None:
+        now = time.monotonic()
         if self._free_slots() > 0 or self._context.disk_is_full:
             return
+        if now < self._preempt_at:
+            self._look_later(self._preempt_at - now)
+            return
+        self._preempt_at = now + PREEMPT_SOONEST_S
         waiting = await self._waiting()
         if not waiting:
             return

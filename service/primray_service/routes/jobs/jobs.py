@@ -106,11 +106,20 @@ def body_of(service: Service, job: Job) -> bytes:
 async def changed(service: Service, caller: Caller, job: Job, seconds: float, is_enough: Callable[[Job], bool]) -> Job:
     """Return the job when `is_enough` accepts it, or as it is after `seconds`, or when the server stops."""
     until = time.monotonic() + seconds
-    with service.changes.watching(job.id) as event:
+    job_id = job.id
+
+    def row() -> Job | None:
+        """Return the job without its JSON: that of a queued job has its position, which costs several times as much."""
+        return service.store.job(job_id)
+
+    with service.changes.watching(job_id) as event:
         while not is_enough(job) and not service.changes.closing and (left := until - time.monotonic()) > 0:
-            job = await found_shared(service, caller, job.id)
+            found = await service.reads.read(job_id, "row", row)
+            if found is None or found.tenant != caller.tenant:
+                raise no_job()
+            job = found
             if not is_enough(job):
-                await wait(event, left)
+                await wait(event, left, service.changes.look_every_s)
     return job
 
 
