@@ -68,6 +68,9 @@ class Camera:
     rim: tuple[float, float] = (0.0, 0.0)
     channel_magnification: tuple[float, float, float] = (1.0, 1.0, 1.0)
     channel_focus_shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    # Distance from which on things must be placed to a thousandth of a pixel, in scene units; 0: that of the near plane. Of
+    # cameras that are close to each other and have the same, all points of a scene that stays are shared.
+    nearest: float = 0.0
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Camera) and camera_as_json(self) == camera_as_json(other)
@@ -133,4 +136,5 @@ def camera_of(values: Mapping[str, Any]) -> Camera:
         rim=(distance, radius),
         channel_magnification=(red, green, blue),
         channel_focus_shift=(of_red, of_green, of_blue),
+        nearest=float(values.get("nearest", 0.0)),
     )

@@ -20,8 +20,8 @@ def stage_of(r: random.Random, image: str = "") -> Usd.Stage:
     UsdGeom.SetStageUpAxis(stage, "Y")
     for k in range(MATERIALS):
         _material(stage, f"/mats/m{k}", r)
-    if image:
-        _textured(stage, f"/mats/m{MATERIALS - 1}", image)
+    for k in range(MATERIALS - 1, 0, -1) if image else ():
+        _textured(stage, f"/mats/m{k}", image, "rgb" if k > 1 else "r")
     for k in range(MESHES):
         _mesh(stage, f"/world/g{k % GROUPS}/m{k}", r, k)
     sphere = UsdGeom.Sphere.Define(stage, "/world/g0/ball")
@@ -39,6 +39,8 @@ def stage_of(r: random.Random, image: str = "") -> Usd.Stage:
         camera = UsdGeom.Camera.Define(stage, f"/eyes/{name}")
         camera.AddTranslateOp().Set(Gf.Vec3d(r.uniform(-1, 1), r.uniform(0, 2), 9.0))
         camera.CreateFocalLengthAttr(35.0)
+        if r.random() < 0.5:
+            camera.GetPrim().CreateAttribute("primray:nearest", Sdf.ValueTypeNames.Double).Set(4.0)
     return stage
 
 
@@ -53,7 +55,8 @@ def _material(stage: Usd.Stage, path: str, r: random.Random) -> None:
     made.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
 
 
-def _textured(stage: Usd.Stage, path: str, image: str) -> None:
+def _textured(stage: Usd.Stage, path: str, image: str, channels: str) -> None:
+    """With colours from the image or, from its red, roughness."""
     reader = UsdShade.Shader.Define(stage, f"{path}/st")
     reader.CreateIdAttr("UsdPrimvarReader_float2")
     reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
@@ -62,7 +65,7 @@ def _textured(stage: Usd.Stage, path: str, image: str) -> None:
     texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(image)
     texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
     surface = UsdShade.Shader(stage.GetPrimAtPath(f"{path}/surface"))
-    surface.GetInput("diffuseColor").ConnectToSource(texture.ConnectableAPI(), "rgb")
+    surface.GetInput("diffuseColor" if channels == "rgb" else "roughness").ConnectToSource(texture.ConnectableAPI(), channels)
 
 
 def _mesh(stage: Usd.Stage, path: str, r: random.Random, k: int) -> None:
@@ -154,6 +157,8 @@ def camera(stage: Usd.Stage, r: random.Random) -> str:
     if r.random() < 0.5:  # to where lengths are measured from the same point, mostly
         here = prim.GetAttribute("xformOp:translate").Get()
         return _set(prim, "xformOp:translate", here + Gf.Vec3d(*(r.uniform(-0.05, 0.05) for _ in range(3))))
+    if r.random() < 0.3 and prim.HasAttribute("primray:nearest"):
+        return _set(prim, "primray:nearest", r.choice([0.0, 2.0, 4.0, 4.0, 4.0, -1.0]))
     near = 9.0 + r.uniform(-0.001, 0.001) if r.random() < 0.5 else r.uniform(7, 12)
     return _set(prim, "xformOp:translate", Gf.Vec3d(r.uniform(-1, 1), r.uniform(0, 2), near))
 

@@ -48,8 +48,8 @@ def rendered(render: object, settings: RenderSettings) -> dict[str, object]:
 
 
 def write_chequers(path: Path, bright: int = 200) -> None:
-    squares = (np.indices((64, 64)).sum(axis=0) % 2 * bright).astype(np.uint8)
-    spec = oiio.ImageSpec(64, 64, 3, "uint8")
+    squares = (np.indices((256, 256)).sum(axis=0) % 2 * bright).astype(np.uint8)
+    spec = oiio.ImageSpec(256, 256, 3, "uint8")
     file = oiio.ImageOutput.create(str(path))
     assert file
     assert file.open(str(path), spec)

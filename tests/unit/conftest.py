@@ -88,7 +88,12 @@ class FakePipeline:
         return replace(self.description, resolution=resolution, time_code=settings.time_code), diagnostics
 
     def build(
-        self, description: SceneDescription, textures: dict[Any, Any], settings: primray.RenderSettings, shapes: list[Any]
+        self,
+        description: SceneDescription,
+        textures: dict[Any, Any],
+        settings: primray.RenderSettings,
+        shapes: list[Any],
+        kept: Any,
     ) -> Any:
         self.calls.append("build")
         self.textures = textures
@@ -169,7 +174,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
     )
     install(
         "core",
-        dice=lambda description, settings, textures: (description, fake.dicing),
+        dice=lambda description, settings, textures, known: (description, fake.dicing),
         build=fake.build,
         isa=lambda: "v4",
         lanes=lambda: 16,

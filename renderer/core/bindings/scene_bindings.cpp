@@ -11,6 +11,11 @@
 namespace primray {
 namespace {
 
+// Textures of a scene that is not rendered any more.
+struct KeptTextures {
+  std::vector<Texture> textures;
+};
+
 void set_texture_image(SceneBuilder& b, int texture, int tile, InArray<float> pixels) {
   b.set_texture_image(texture, tile, {span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0))});
 }
@@ -92,12 +97,19 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("volumes",
                    [](const Scene& s) { return s.volumes ? s.volumes->in_media.size() + s.volumes->in_emissions.size() : 0; })
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
+  nb::class_<KeptTextures>(m, "KeptTextures").def("__init__", [](KeptTextures* kept, Scene& scene) {
+    new (kept) KeptTextures{std::move(scene.textures)};
+  });
   nb::class_<SceneBuilder> builder(m, "SceneBuilder");
   builder
       .def("__init__",
            [](SceneBuilder* b, Numbers<double> origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
       .def("__init__", [](SceneBuilder* b, std::unique_ptr<Scene> scene) { new (b) SceneBuilder(std::move(scene)); })
-      .def("has_current_texture_levels", &SceneBuilder::has_current_texture_levels)
+      .def("release_coarse_textures", &SceneBuilder::release_coarse_textures)
+      .def("take_texture_images",
+           [](SceneBuilder& b, int texture, KeptTextures& earlier, int number) {
+             return b.take_texture_images(texture, earlier.textures.at(size_t(number)));
+           })
       .def("set_primvar_names", &SceneBuilder::set_primvar_names)
       .def("add_surface", [](SceneBuilder& b, const SurfaceInput& constants, std::vector<InputSource> varying,
                              int tape) { return b.add_surface(constants, std::move(varying), tape); })

@@ -116,14 +116,17 @@ bool SceneBuilder::replace_mesh(size_t row, const MeshInput& mesh, const daffine
   return true;
 }
 
-bool SceneBuilder::has_current_texture_levels() {
-  Scene& s = *scene_;
-  if (s.textures.empty()) return true;
-  measure_footprints(s);
-  for (const Texture& t : s.textures)
-    for (const TextureImage& image : t.images)
-      if (finest_level(t, image.width, image.height) != image.first_level) return false;
-  return true;
+std::vector<int> SceneBuilder::release_coarse_textures() {
+  std::vector<int> released;
+  if (scene_->textures.empty()) return released;
+  measure_levels();
+  for (size_t i = 0; i < scene_->textures.size(); ++i) {
+    Texture& t = scene_->textures[i];
+    if (has_needed_levels(t, t)) continue;
+    t.images.clear(), t.tiles.fill(-1);
+    released.push_back(int(i));
+  }
+  return released;
 }
 
 namespace {

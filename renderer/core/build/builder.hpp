@@ -86,8 +86,9 @@ class SceneBuilder {
   // For a reopened scene: replaces what add_mesh() made of the mesh with matrix `before` by what it makes with the new one,
   // from that row on. Returns false, and changes nothing, if more than points and normals would change.
   bool replace_mesh(size_t row, const MeshInput& mesh, const daffine& before, const daffine& group_from_object);
-  // For a reopened scene, after its camera: whether its textures have the levels that those of a new scene would have.
-  bool has_current_texture_levels();
+  // For a reopened scene, after its camera: returns the textures of which rays may ask for finer levels than are kept. Their
+  // images are released and must be set again.
+  std::vector<int> release_coarse_textures();
   // Reserves memory for all meshes.
   void reserve_triangles(size_t points, size_t triangles);
   // Reserves memory for all instances of all placements: appending would temporarily take twice as much.
@@ -135,6 +136,9 @@ class SceneBuilder {
   // Sets an image after all shapes, placements and the camera, which determine the levels that are kept. `tile`: 0, or 1001 to
   // 1100.
   void set_texture_image(int texture, int tile, const ImageInput& image);
+  // Used in place of set_texture_image(): moves the images of an earlier scene's texture, which was made of the same files, if
+  // their levels suffice. Finer ones than rays ask for change nothing.
+  bool take_texture_images(int texture, Texture& earlier);
   // Builds the acceleration structures; the builder is empty afterwards.
   std::unique_ptr<Scene> finish();
 
@@ -157,6 +161,8 @@ class SceneBuilder {
   void add_mesh_steps(const MeshInput& mesh, const daffine& group_from_object);
   // Appends the later times of the current group's moving vertices, after all of its vertices.
   void end_group();
+  // Measures footprints on textures, once.
+  void measure_levels();
   void set_camera_path(const CameraInput& camera);
   void set_distortion(const DistortionInput& distortion);
   void set_flaws(const CameraInput& camera);

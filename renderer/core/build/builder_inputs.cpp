@@ -107,8 +107,7 @@ int SceneBuilder::add_texture(int channels, bool udim, bool finest_only) {
 }
 
 void SceneBuilder::set_texture_image(int texture, int tile, const ImageInput& image) {
-  if (!levels_measured_) measure_footprints(*scene_);
-  levels_measured_ = true;
+  measure_levels();
   Texture& t = scene_->textures.at(texture);
   if (t.udim) {
     const int number = tile - kFirstTile;
@@ -119,10 +118,27 @@ void SceneBuilder::set_texture_image(int texture, int tile, const ImageInput& im
                                 t.finest_only));
 }
 
+bool SceneBuilder::take_texture_images(int texture, Texture& earlier) {
+  measure_levels();
+  Texture& t = scene_->textures.at(size_t(texture));
+  if (earlier.images.empty() || earlier.channels != t.channels || earlier.udim != t.udim ||
+      earlier.finest_only != t.finest_only || !has_needed_levels(t, earlier))
+    return false;
+  t.images = std::move(earlier.images), t.tiles = earlier.tiles;
+  earlier.images.clear();
+  return true;
+}
+
+void SceneBuilder::measure_levels() {
+  if (!levels_measured_) measure_footprints(*scene_);
+  levels_measured_ = true;
+}
+
 int64_t Scene::texture_bytes() const {
   int64_t total = 0;
   for (const Texture& t : textures)
-    for (const TextureImage& image : t.images) total += image.memory_bytes();
+    for (const TextureImage& image : t.images)
+      total += image.bytes_from(std::max(image.first_level, finest_level(t, image.width, image.height)));
   return total;
 }
 

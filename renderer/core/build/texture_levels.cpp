@@ -158,4 +158,10 @@ int finest_level(const Texture& texture, int width, int height) {
   return int(std::clamp(std::floor(level), 0.0, double(last_level_of(width, height))));
 }
 
+bool has_needed_levels(const Texture& texture, const Texture& made) {
+  return std::ranges::all_of(made.images, [&](const TextureImage& image) {
+    return image.first_level <= finest_level(texture, image.width, image.height);
+  });
+}
+
 }  // namespace primray

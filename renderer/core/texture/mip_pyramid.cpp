@@ -5,6 +5,10 @@
 #include <bit>
 #include <cmath>
 
+#ifdef __F16C__
+#include <immintrin.h>
+#endif
+
 #include "base/error.hpp"
 
 namespace primray {
@@ -24,7 +28,23 @@ uint16_t half_from_float(float f) {
   return uint16_t(sign | std::min<uint32_t>((x - (112u << 23)) >> 13, 0x7bff));
 }
 
-uint16_t unorm_from_float(float f) { return uint16_t(std::lrint(double(f) * kUnormSteps)); }
+// Rounded to nearest, ties to even, without a call that would keep loops from being vectorised; |f| <= 1.
+uint16_t unorm_from_float(float f) { return uint16_t(std::bit_cast<uint64_t>(double(f) * kUnormSteps + 0x1.8p52)); }
+
+void store_halves(std::span<const float> from, uint16_t* to) {
+  size_t i = 0;
+#ifdef __F16C__
+  for (; i + 8 <= from.size(); i += 8) {
+    const __m128i halves = _mm256_cvtps_ph(_mm256_loadu_ps(&from[i]), _MM_FROUND_TO_NEAREST_INT);
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(to + i), halves);
+  }
+#endif
+  for (; i < from.size(); ++i) to[i] = half_from_float(from[i]);
+}
+
+void store_unorms(std::span<const float> from, uint16_t* to) {
+  for (size_t i = 0; i < from.size(); ++i) to[i] = unorm_from_float(from[i]);
+}
 
 // Weights of `from` texels in each of `to` texels: the share of its extent that is in each.
 struct Spans {
@@ -46,7 +66,28 @@ struct Spans {
   }
 };
 
+// For even sizes: all weights are a half, which rounds nothing.
+template <int C>
+std::vector<float> halved_evenly(const float* from, int width, int height) {
+  const int w = width / 2, h = height / 2;
+  std::vector<float> to(size_t(w) * h * C);
+  for (int y = 0; y < h; ++y) {
+    const float *first = from + size_t(2 * y) * width * C, *second = first + size_t(width) * C;
+    float* target = &to[size_t(y) * w * C];
+    for (int x = 0; x < w; ++x) {
+      for (int c = 0; c < C; ++c) {
+        const int i = 2 * x * C + c;
+        const float upper = 0.5f * first[i] + 0.5f * first[i + C], lower = 0.5f * second[i] + 0.5f * second[i + C];
+        target[x * C + c] = 0.5f * upper + 0.5f * lower;
+      }
+    }
+  }
+  return to;
+}
+
 std::vector<float> halved(std::span<const float> from, int width, int height, int channels) {
+  if (width % 2 == 0 && height % 2 == 0)
+    return channels == 1 ? halved_evenly<1>(from.data(), width, height) : halved_evenly<3>(from.data(), width, height);
   const int w = half_of(width), h = half_of(height);
   const Spans columns(width, w), rows(height, h);
   std::vector<float> to(size_t(w) * h * channels, 0.0f), line(size_t(w) * channels);
@@ -93,17 +134,19 @@ void keep(std::span<const float> level, int number, int width, int height, Textu
   const size_t row = size_t(width) * image.channels;
   image.level_width[number] = width, image.level_height[number] = height;
   image.level_offset[number] = int32_t(image.small.size() + image.large.size());
+  const size_t first = image.small.size();
+  if (image.format != TexelFormat::kFloat) image.small.resize(first + row * height);
   for (int y = 0; y < height; ++y) {
-    const float* from = &level[(height - 1 - y) * row];
+    const std::span<const float> from = level.subspan(size_t(height - 1 - y) * row, row);
     switch (image.format) {
       case TexelFormat::kUnorm16:
-        for (size_t i = 0; i < row; ++i) image.small.push_back(unorm_from_float(from[i]));
+        store_unorms(from, &image.small[first + y * row]);
         break;
       case TexelFormat::kHalf:
-        for (size_t i = 0; i < row; ++i) image.small.push_back(half_from_float(from[i]));
+        store_halves(from, &image.small[first + y * row]);
         break;
       case TexelFormat::kFloat:
-        image.large.insert(image.large.end(), from, from + row);
+        image.large.insert(image.large.end(), from.begin(), from.end());
         break;
     }
   }

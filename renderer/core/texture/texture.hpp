@@ -31,6 +31,10 @@ struct TextureImage {
   float mean[3] = {}, low[3] = {}, high[3] = {};
 
   int64_t memory_bytes() const { return int64_t(small.size() * sizeof(uint16_t) + large.size() * sizeof(float)); }
+  // Of the kept levels from this one on.
+  int64_t bytes_from(int level) const {
+    return memory_bytes() - int64_t(level_offset[level]) * int64_t(small.empty() ? sizeof(float) : sizeof(uint16_t));
+  }
 };
 
 // Converts 16 bits in the low half of each lane, as IEEE 754 binary16; denormals without denormal arithmetic. No infinities, no

@@ -29,7 +29,7 @@ from .light_upload import LightGroups
 from .native import lanes, max_depth, raise_primray_error, threads
 from .scene_record import InstanceNumbers, SceneRecord
 from .scene_upload import UploadRecord, emitter_warnings, upload_scene
-from .surface_upload import MutableTextures, Textures
+from .surface_upload import KeptImages, MutableTextures, Textures
 
 if TYPE_CHECKING:
     from .scene_upload import UploadRecord
@@ -79,6 +79,11 @@ class CoreScene:
     def _scene(self) -> compiled.Scene:
         assert self._built is not None
         return self._built
+
+    def take(self) -> compiled.Scene | None:
+        """Return the core's scene for another one to be made of it; this one renders nothing afterwards."""
+        scene, self._built = self._built, None
+        return scene
 
     def splits(self, settings: RenderSettings) -> Splits:
         """Return the splitting factors that a pilot finds best, measured once for each depth and caustics setting.
@@ -200,16 +205,19 @@ class CoreScene:
 
 
 def dice(
-    description: SceneDescription, settings: RenderSettings, textures: Textures | None = None
+    description: SceneDescription,
+    settings: RenderSettings,
+    textures: Textures | None = None,
+    known: dict[int, dicing.DicedShape] | None = None,
 ) -> tuple[SceneDescription, dicing.Warnings]:
     """Return the description with subdivision cages diced to triangles, and warnings where they are coarser or sharper.
 
-    `textures`: every TextureFile that could be read; those that displace cages are used.
+    `textures`: every TextureFile that could be read; those that displace cages are used. `known`: what was diced before.
     """
     try:
         displaced = displacements(description, textures or {})
         chosen = dicing.dicing_by_settings(settings)
-        made, warnings = dicing.dice(compiled, description, chosen, threads(settings), displaced)
+        made, warnings = dicing.dice(compiled, description, chosen, threads(settings), displaced, known)
         made, notes = dice_patches_of(dice_ribbons(made, chosen.pixels), chosen)
         return made, [*warnings, *notes]
     except compiled.CoreError as error:
@@ -217,17 +225,23 @@ def dice(
 
 
 def build(
-    description: SceneDescription, textures: MutableTextures, settings: RenderSettings, shapes: list[Shape] | None = None
+    description: SceneDescription,
+    textures: MutableTextures,
+    settings: RenderSettings,
+    shapes: list[Shape] | None = None,
+    kept: KeptImages | None = None,
 ) -> CoreScene:
     """Return the core's scene with acceleration structures; `textures`: all images that could be read, emptied on the way.
 
-    `shapes`, if given, replaces the description's shapes; it is emptied to save memory.
+    `shapes`, if given, replaces the description's shapes; it is emptied to save memory. `kept`: images of an earlier scene, of
+    which `textures` may have the sizes alone.
     """
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
     record = SceneRecord() if description.aovs else None
     try:
         limit_hierarchies(settings)
-        scene, uploaded = upload_scene(description, textures, width, inverse_cdf(settings.pixel_filter, width), shapes, record)
+        offsets = inverse_cdf(settings.pixel_filter, width)
+        scene, uploaded = upload_scene(description, textures, width, offsets, shapes, record, kept)
     except compiled.CoreError as error:
         if error.args[0] == "out-of-memory" and settings.max_memory_bytes is not None:
             held = int(compiled.embree_memory()[1]) / process_memory.MIB

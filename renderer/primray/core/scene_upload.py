@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import mmap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -46,10 +46,8 @@ from .single_precision import (
     separate_stretched_curves,
     union_without_outliers,
 )
-from .surface_upload import MutableTextures, SurfaceUpload
+from .surface_upload import KeptImages, MutableTextures, SurfaceUpload, TextureKey
 from .surface_upload import width as width_of
-
-NO_TEXELS = np.zeros((1, 1, 1), np.float32)
 
 
 def upload_scene(
@@ -59,6 +57,7 @@ def upload_scene(
     filter_inverse_cdf: npt.NDArray[np.float32],
     shapes: list[Shape] | None = None,
     record: SceneRecord | None = None,
+    kept: KeptImages | None = None,
 ) -> tuple[compiled.Scene, UploadRecord]:
     """Upload a description; return the core's Scene and a record of the upload. Empties `textures` to save memory.
 
@@ -81,7 +80,7 @@ def upload_scene(
     builder.reserve_triangles(*points_and_triangles(shapes))
     if d.linked.collections:
         builder.set_links(d.linked.members.astype(np.uint8))
-    headers = {file: [(0, replace(tiles[0][1], stored=NO_TEXELS))] for file, tiles in textures.items()}
+    headers = {file: [(number, tile.without_texels()) for number, tile in tiles] for file, tiles in textures.items()}
     surfaces = inputs.add_surfaces(d.surfaces)
     warnings.extend(inputs.warnings)
     handing = ShapeUpload(builder, inputs, lights, surfaces, shapes, full_boxes, warnings, record)
@@ -121,7 +120,7 @@ def upload_scene(
         builder.set_rolling_shutter(*d.exposure.rolling)
     camera = camera_input(d.camera, d.frame, d.camera_motion)
     builder.set_camera(filled(camera, filter_width=filter_width, filter_inverse_cdf=filter_inverse_cdf))
-    inputs.add_images()
+    inputs.add_images(kept)
     items = sum(points_and_triangles(shapes)) + instances
     shapes.clear()
     if items > WORTH_ITEMS:
@@ -139,6 +138,7 @@ def upload_scene(
         high=high,
         rows=rows,
         textures=headers,
+        texture_numbers=inputs.texture_numbers,
         light_groups=lights.groups,
         is_editable=is_editable,
         shape_rows=handing.shape_rows,
@@ -174,6 +174,7 @@ class UploadRecord:
     high: Doubles
     rows: list[int]  # the core's first row of each static shape; -1 unless it is one plain mesh
     textures: MutableTextures  # headers of the textures that could be read, without texels
+    texture_numbers: dict[TextureKey, int]  # the core's
     light_groups: LightGroups
     is_editable: bool  # the scene can be edited: no exposure, no shape is a light or an outlier
     shape_rows: ShapeRows

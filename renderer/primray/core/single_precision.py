@@ -126,7 +126,7 @@ def rebasing_origin(camera: Camera) -> Doubles:
     It depends on the camera alone: other geometry never changes the bits of what is visible.
     """
     eye: Doubles = camera.world_from_camera[:3, 3]
-    near = camera.clipping_range[0]
+    near = camera.nearest or camera.clipping_range[0]
     if not 0 < near < np.inf:
         return eye
     cell = 2.0 ** np.floor(np.log2(CELLS * near))

@@ -6,7 +6,7 @@ exactly as it was read, whatever precision the colours need. Cut-outs have a tex
 
 from __future__ import annotations
 
-from collections.abc import Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Collection, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,8 @@ from .patterns.tape_upload import SharedInputs, TooLargeError, UnknownNodeError,
 
 Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, or 0 for a file that is no set of tiles
 MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]
+
+ReadFiles = Callable[[Collection[TextureFile]], Textures]
 
 DIRECTIONS = ("normal", "tangent")  # inputs that have no constant form
 NORMAL_ST = "st"  # the primvar that spans the tangents of a normal input which is no texture
@@ -107,6 +109,19 @@ class TextureKey:
     file: TextureFile
     channels: str
     finest_only: bool
+
+
+@dataclass(frozen=True)
+class KeptImages:
+    """Images of a scene that is built again, in the core, and how to read those of which other levels are asked for."""
+
+    textures: compiled.KeptTextures
+    numbers: Mapping[TextureKey, int]
+    read: ReadFiles
+
+    def give(self, builder: compiled.SceneBuilder, key: TextureKey, number: int) -> bool:
+        """Give a texture of the builder its images, and return whether that could be done."""
+        return key in self.numbers and builder.take_texture_images(number, self.textures, self.numbers[key])
 
 
 class SurfaceUpload:
@@ -207,15 +222,32 @@ class SurfaceUpload:
             if p.name in self._names
         ]
 
-    def add_images(self) -> None:
+    @property
+    def texture_numbers(self) -> dict[TextureKey, int]:
+        return dict(self._numbers)
+
+    def add_images(self, kept: KeptImages | None = None) -> None:
         """Add the images of all textures; call after shapes, placements, lights and the camera.
 
-        Each file's image is released once the core has copied what it keeps.
+        Each file's image is released once the core has copied what it keeps. `kept` gives those that it can.
         """
-        wanted: dict[TextureFile, list[tuple[TextureKey, int]]] = {}
-        for key, number in self._numbers.items():
-            wanted.setdefault(key.file, []).append((key, number))
-        for file, keys in wanted.items():
+        if kept is None:
+            self._add_images(self._numbers)
+        elif isinstance(self._builder, compiled.SceneBuilder):
+            builder = self._builder
+            self.add_read_images({key: n for key, n in self._numbers.items() if not kept.give(builder, key, n)}, kept.read)
+
+    def add_read_images(self, wanted: Mapping[TextureKey, int], read: ReadFiles) -> None:
+        """Add the images of these textures from files that are read now."""
+        if wanted:
+            self._textures.update({file: list(tiles) for file, tiles in read({key.file for key in wanted}).items()})
+        self._add_images(wanted)
+
+    def _add_images(self, wanted: Mapping[TextureKey, int]) -> None:
+        by_file: dict[TextureFile, list[tuple[TextureKey, int]]] = {}
+        for key, number in wanted.items():
+            by_file.setdefault(key.file, []).append((key, number))
+        for file, keys in by_file.items():
             self._add_file(self._textures.pop(file), keys)
         self._textures.clear()
 

@@ -6,7 +6,7 @@ new one is built.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from ..core.scene import CoreScene, core_scene, inverse_cdf
 from ..core.scene_upload import UploadRecord, camera_input, fog_input, power_of_two_scale, scene_extent
 from ..core.shape_upload import matrix, whole_part
 from ..core.single_precision import OUTLYING, rebasing_origin
-from ..core.surface_upload import SurfaceUpload, is_cutout, is_fibre, is_hole
+from ..core.surface_upload import KeptImages, ReadFiles, SurfaceUpload, is_cutout, is_fibre, is_hole
 from ..description import Mesh, Placed, SceneDescription, Surface, TextureFile
 from ..description.placement import transformed_boxes
 from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
@@ -37,13 +37,14 @@ def updated_core_scene(
     now: SceneDescription,
     changed: frozenset[str],
     images: LightImages,
+    read: ReadFiles,
     settings: RenderSettings,
 ) -> CoreScene | None:
     """Return the scene of `before` updated to `now`, where these differ in the fields `changed`; None where it has to be
     rebuilt.
 
-    Descriptions are diced, with all of their shapes; `images` are those of lights. The scene of before is consumed, unless None
-    is returned on account of the descriptions alone.
+    Descriptions are diced, with all of their shapes; `images` are those of lights, and `read` reads files of surfaces. The
+    scene of before is consumed, unless None is returned on account of the descriptions alone.
     """
     uploaded = scene.uploaded
     if uploaded is None or not _may_stay(uploaded, before, now, changed):
@@ -52,9 +53,21 @@ def updated_core_scene(
     if placed is None:
         return None
     try:
-        return _built(scene, *placed, now, images, settings)
+        return _built(scene, *placed, now, images, read, settings)
     except compiled.CoreError as error:
         raise_primray_error(error)
+
+
+def kept_images(scene: CoreScene, fresh: Collection[TextureFile], read: ReadFiles) -> KeptImages | None:
+    """Return the images of a scene that is built anew, but those of files that were read again; the scene is consumed.
+
+    None where it has none, or was consumed before.
+    """
+    built, uploaded = scene.take(), scene.uploaded
+    if built is None or uploaded is None:
+        return None
+    numbers = {key: number for key, number in uploaded.texture_numbers.items() if key.file not in fresh}
+    return KeptImages(compiled.KeptTextures(built), numbers, read)
 
 
 def _may_stay(uploaded: UploadRecord, before: SceneDescription, now: SceneDescription, changed: frozenset[str]) -> bool:
@@ -107,12 +120,16 @@ def _built(
     moved: list[tuple[int, Placed, Placed]],
     now: SceneDescription,
     images: LightImages,
+    read: ReadFiles,
     settings: RenderSettings,
 ) -> CoreScene | None:
     d = uploaded.description
-    builder = compiled.SceneBuilder(scene._scene)
+    given = scene.take()
+    assert given is not None
+    builder = compiled.SceneBuilder(given)
     textures = {**uploaded.textures, **images}
-    SurfaceUpload(builder, textures, d.time_code or 0.0).add_surfaces(d.surfaces)
+    inputs = SurfaceUpload(builder, textures, d.time_code or 0.0)
+    inputs.add_surfaces(d.surfaces)
     for row, old, new in moved:
         shape = now.shapes[new.shape]
         if not isinstance(shape, Mesh) or not builder.replace_mesh(row, _placed(shape), matrix(old.matrix), matrix(new.matrix)):
@@ -125,7 +142,9 @@ def _built(
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
     camera = camera_input(d.camera, d.frame)
     builder.set_camera(filled(camera, filter_width=width, filter_inverse_cdf=inverse_cdf(settings.pixel_filter, width)))
-    return core_scene(builder.finish(), uploaded, d, scene.record) if builder.has_current_texture_levels() else None
+    coarse = set(builder.release_coarse_textures())
+    inputs.add_read_images({key: number for key, number in uploaded.texture_numbers.items() if number in coarse}, read)
+    return core_scene(builder.finish(), uploaded, d, scene.record)
 
 
 def _placed(mesh: Mesh) -> compiled.MeshInput:

@@ -7,24 +7,29 @@ unchanged if their sizes and times are.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..checkpoints.fingerprint import PARTS, fields_of, fingerprint_of
-from ..description import SceneDescription, TextureFile, Wrap
+from ..description import SceneDescription, TextureFile, TextureInput, Wrap
+from ..description.shading import pattern_files
 from ..diagnostics import Diagnostic, Diagnostics
 from ..process_memory import machine_bytes, resident_bytes
-from ..render.prepare import Steps, Textures, image_sizes, read_textures
+from ..render.prepare import Steps, Textures, image_sizes
 from ..report.summary import ImageSize
 from ..settings import DefaultWrap, Filter, RenderSettings, rows
-from ..textures.texture_set import with_read_textures
+from ..textures.coverage import note_missing_tiles, note_textures_outside
+from ..textures.texture import Texture
+from ..textures.texture_set import LoadedFile, load_files, with_read_textures
 
 if TYPE_CHECKING:
     from ..core import CoreScene
+    from ..core.surface_upload import KeptImages
     from ..description import Shape
 
     Limits = list[tuple[str, str, str]]
@@ -75,6 +80,7 @@ class CachedSteps(Steps):
         self._translation.forget()
         self._loaded: LoadedTextures | None = None
         self._diced: _Diced | None = None
+        self.diced = {}
         self._counted: tuple[SceneDescription, float, Counts] | None = None
         self._digests: tuple[SceneDescription, dict[str, str]] | None = None
         self._built: _Built | None = None
@@ -99,7 +105,7 @@ class CachedSteps(Steps):
 
     def _files_are_the_same(self) -> bool:
         loaded = self._loaded
-        return loaded is None or (loaded.files is not None and file_states(loaded.files) == loaded.files)
+        return loaded is None or (loaded.states is not None and file_states(loaded.states) == loaded.states)
 
     def load_textures(
         self, description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings
@@ -107,9 +113,11 @@ class CachedSteps(Steps):
         kept, self._loaded = self._loaded, None
         textures: Textures = {}
         if kept is not None and kept.default_wrap is settings.default_wrap and kept.serves(description):
-            self._loaded = kept.of(description)
+            self._loaded = replace(kept.of(description), fresh=frozenset())
         else:
-            self._loaded, textures = load(description, settings.default_wrap, self._translation.files(description), diagnostics)
+            known = kept.files if kept is not None and kept.default_wrap is settings.default_wrap else {}
+            about = file_states(self._translation.files(description))
+            self._loaded, textures = load(description, settings.default_wrap, about, diagnostics, known)
         diagnostics.extend(self._loaded.told)
         return self._loaded.made, textures
 
@@ -117,11 +125,21 @@ class CachedSteps(Steps):
         assert self._loaded is not None
         return self._loaded.images
 
-    def _at_hand(self, textures: Textures) -> Textures:
-        """Return all textures, read again where this render did not need them so far."""
-        if textures or self._loaded is None or not self._loaded.images:
-            return textures
-        return load(self._loaded.given, self._loaded.default_wrap, (), Diagnostics())[1]
+    def _at_hand(self, textures: Textures, files: Collection[TextureFile] | None = None) -> Textures:
+        """Add images of these files, or of all, that this render did not need so far; return `textures`."""
+        if self._loaded is not None:
+            for file, images in self._loaded.of_lights.items():
+                textures.setdefault(file, images)
+            textures.update(self._read(textures.keys(), self._loaded.sizes if files is None else files))
+        return textures
+
+    def _read(self, at_hand: Collection[TextureFile], files: Collection[TextureFile]) -> Textures:
+        """Read files again that are not at hand."""
+        loaded, missing = self._loaded, {file for file in files if file not in at_hand}
+        if loaded is None or not missing:
+            return {}
+        found = load_files(loaded.given, read_asset, Wrap(loaded.default_wrap.value), only=missing)
+        return {file: one.images for file, one in found.items() if one.images}
 
     def fingerprint(self, description: SceneDescription, textures: Textures) -> dict[str, str]:
         kept, self._digests = self._digests, None
@@ -149,7 +167,7 @@ class CachedSteps(Steps):
         is_displaced = any(surface.displacement is not None for surface in description.surfaces)
         counting = SHAPED | LOOKED_AT | DISPLACED if is_displaced else SHAPED | LOOKED_AT
         if kept is None or kept.asked != asked or differing_fields(kept.given, description) & counting:
-            at_hand = self._at_hand(textures) if is_displaced else textures
+            at_hand = self._at_hand(textures, _displacing_files(description)) if is_displaced else textures
             made, limits = super().dice(description, at_hand, settings)
         else:
             made, limits = replace(description, shapes=kept.made.shapes), kept.limits
@@ -171,8 +189,12 @@ class CachedSteps(Steps):
         looks, filtered = (settings.max_depth, settings.is_quick_look), (settings.pixel_filter, settings.filter_width)
         scene = None if kept is None else self._again(kept, description, filtered, looks, settings)
         if scene is None:
+            self.kept_images = None if kept is None else self._images_of(kept.scene, textures)
             kept = None  # freed before another one takes memory
-            scene = super().build(description, self._at_hand(textures), settings, shapes)
+            scene = super().build(
+                description, self._at_hand(textures) if self.kept_images is None else textures, settings, shapes
+            )
+            self.kept_images = None
         self._built = _Built(description, filtered, scene, looks)
         self._is_whole = True
         return scene
@@ -186,10 +208,23 @@ class CachedSteps(Steps):
         changed = differing_fields(kept.given, now)
         if changed or kept.filtered != filtered:
             assert self._loaded is not None
-            return updated_core_scene(kept.scene, kept.given, now, changed, self._loaded.of_lights, settings)
+            lit = self._loaded.of_lights
+            read = partial(self._read, lit.keys())
+            return updated_core_scene(kept.scene, kept.given, now, changed, lit, read, settings)
         if looks != kept.looks:
             kept.scene.forget_guides()
         return kept.scene
+
+    def _images_of(self, scene: CoreScene, textures: Textures) -> KeptImages | None:
+        """Return the core's images of a scene, but those of files that were loaded for this render; add sizes to textures."""
+        from .core_update import kept_images
+
+        loaded = self._loaded
+        assert loaded is not None
+        images = kept_images(scene, loaded.fresh, partial(self._read, {*loaded.of_lights, *textures}))
+        if images is not None:
+            textures.update({file: tiles for file, tiles in loaded.sizes.items() if file not in textures})
+        return images
 
 
 @dataclass(frozen=True)
@@ -200,12 +235,24 @@ class LoadedTextures:
     read_diagnostics: list[Diagnostic]
     light_diagnostics: list[Diagnostic]
     images: list[ImageSize]
-    of_lights: Textures  # images of lights, from which their power is computed
-    files: FileStates | None
+    files: dict[TextureFile, LoadedFile]  # all, without texels but for those of lights
+    fresh: frozenset[TextureFile]  # those that the latest render has read
+    states: FileStates | None
 
     @property
     def told(self) -> list[Diagnostic]:
         return [*self.read_diagnostics, *self.light_diagnostics]
+
+    @property
+    def sizes(self) -> Textures:
+        """Return all that could be read; texels are there of lights alone."""
+        return {file: list(one.images) for file, one in self.files.items() if one.images}
+
+    @property
+    def of_lights(self) -> Textures:
+        """Return images of lights, from which their power is computed."""
+        lit = _light_files(self.given)
+        return {file: images for file, images in self.sizes.items() if file in lit}
 
     def serves(self, description: SceneDescription) -> bool:
         """Return whether loading this description would find and report the same."""
@@ -227,16 +274,26 @@ class LoadedTextures:
 
 
 def load(
-    description: SceneDescription, default_wrap: DefaultWrap, files: Iterable[str], heard: Diagnostics
+    description: SceneDescription,
+    default_wrap: DefaultWrap,
+    states: FileStates | None,
+    heard: Diagnostics,
+    known: Mapping[TextureFile, LoadedFile],
 ) -> tuple[LoadedTextures, Textures]:
-    """Load textures. Diagnostics are kept, not reported; `heard` only decides how they name files."""
-    from .. import usd
+    """Load textures, but for those in `known` that have the same readers; return all that is known now, and what was read.
 
-    state = file_states(files)
+    Diagnostics are kept, not reported; `heard` only decides how they name files.
+    """
     read_diagnostics, light_diagnostics = Diagnostics(heard.shown), Diagnostics(heard.shown)
-    textures = read_textures(description, read_diagnostics, usd.read_asset, Wrap(default_wrap.value))
+    found = load_files(description, read_asset, Wrap(default_wrap.value), heard.shown, known)
+    for one in found.values():
+        read_diagnostics.extend(one.told)
+    textures = {file: one.images for file, one in found.items() if one.images}
+    note_textures_outside(description, textures, read_diagnostics)
+    note_missing_tiles(description, read_diagnostics)
     made = replace(description, lights=with_read_textures(description.lights, textures, light_diagnostics))
-    lit = {file: textures[file] for file in _light_files(description) if file in textures}
+    lit, sizes = _light_files(description), dict[int, Texture]()
+    fresh = frozenset(file for file, one in found.items() if one is not known.get(file))
     loaded = LoadedTextures(
         given=description,
         default_wrap=default_wrap,
@@ -244,14 +301,31 @@ def load(
         read_diagnostics=list(read_diagnostics),
         light_diagnostics=list(light_diagnostics),
         images=image_sizes(textures),
-        of_lights=lit,
-        files=state,
+        files={file: one if file in lit else one.without_texels(sizes) for file, one in found.items()},
+        fresh=fresh,
+        states=states,
     )
-    return loaded, textures
+    return loaded, {file: images for file, images in textures.items() if file in fresh}
+
+
+def _displacing_files(description: SceneDescription) -> list[TextureFile]:
+    """Return files of all surfaces that are displaced."""
+    found: list[TextureFile] = []
+    for surface in description.surfaces:
+        if surface.displacement is not None:
+            found += [reads.file for _, reads in surface.inputs if isinstance(reads, TextureInput)]
+            found += pattern_files(surface.pattern) if surface.pattern else ()
+    return found
 
 
 def _light_files(description: SceneDescription) -> list[TextureFile]:
     return [light.texture for light in description.lights if light.texture is not None]
+
+
+def read_asset(path: str) -> bytes:
+    from .. import usd
+
+    return usd.read_asset(path)
 
 
 FileStates = dict[str, tuple[int, ...]]

@@ -219,7 +219,8 @@ class ViewedScene:
         """Write the moved camera to the stage and return its path; None where the camera is as authored."""
         if self.orbit is None or self._authored is None or self._kept is None:
             return None
-        return usd.place_camera(self._kept.opened.stage, self.orbit.world_from_camera, self._authored, self.orbit.zoom)
+        orbit, nearest = self.orbit, usd.nearest_of(self.orbit.distance)
+        return usd.place_camera(self._kept.opened.stage, orbit.world_from_camera, self._authored, orbit.zoom, nearest)
 
     def render(self, size: Size, show: Callable[[View], None], is_due: Answer, continues: Answer) -> bool:
         """Render until all samples are taken, and return True, or False once `goes_on` answers False.

@@ -24,11 +24,13 @@ from ..settings.stage_settings import StageSettings
 if TYPE_CHECKING:
     from ..color.color_space import ColorSpace
     from ..core import CoreScene
+    from ..core.surface_upload import KeptImages
     from ..description import SceneDescription, Shape, TextureFile, Wrap
     from ..description.picture_file import PictureFile
     from ..diagnostics import Diagnostics
     from ..report.report import Costs
     from ..report.summary import ImageSize
+    from ..tessellation.dice import DicedShape
     from ..textures.texture import Texture
 
 
@@ -297,6 +299,9 @@ Textures = dict["TextureFile", "list[tuple[int, Texture]]"]
 class Steps:
     """The steps in their order, without caching."""
 
+    diced: dict[int, DicedShape] | None = None  # what was diced before; None: nothing stays
+    kept_images: KeptImages | None = None  # those of an earlier scene in the core, for the next one that is built
+
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
         from .. import usd
 
@@ -324,7 +329,7 @@ class Steps:
         """Return the diced description, and code, path and message of approximations."""
         from .. import core
 
-        return core.dice(description, settings, textures)
+        return core.dice(description, settings, textures, self.diced)
 
     def count(
         self, description: SceneDescription, settings: RenderSettings, images: list[ImageSize]
@@ -356,7 +361,7 @@ class Steps:
         memory."""
         from .. import core
 
-        return core.build(description, textures, settings, shapes)
+        return core.build(description, textures, settings, shapes, self.kept_images)
 
 
 def load_textures(

@@ -94,6 +94,8 @@ def _checked(name: str, given: Any) -> Camera:
     require(radius == 0 or given.projection is Projection.PERSPECTIVE, "lens_radius must be 0: it is orthographic")
     exposure = number(name, given.exposure_scale)
     require(0 <= exposure < math.inf, f"exposure_scale must be 0 or more, not {exposure}")
+    nearest = number(name, given.nearest)
+    require(0 <= nearest < math.inf, f"nearest must be 0 or more, not {nearest}")
     if given.distortion is not None:
         _check_distortion(given, require)
     _check_flaws(name, given, require)

@@ -124,17 +124,34 @@ def dicing_by_settings(settings: RenderSettings) -> Dicing:
     return Dicing(settings.dicing_rate, max_triangles=limit)
 
 
+@dataclass(frozen=True)
+class DicedShape:
+    """A cage's triangles, and all that they depend on."""
+
+    cage: SubdivisionMesh
+    key: tuple[object, ...]
+    made: DicedCage
+    mesh: Mesh
+
+
 def dice(
-    core: Dicer, description: SceneDescription, dicing: Dicing, threads: int, displaced: Displacements | None = None
+    core: Dicer,
+    description: SceneDescription,
+    dicing: Dicing,
+    threads: int,
+    displaced: Displacements | None = None,
+    known: dict[int, DicedShape] | None = None,
 ) -> tuple[SceneDescription, Warnings]:
     """Return the description with cages diced to triangles, and warnings. Edges are longer than asked if there would be too
-    many triangles."""
+    many triangles. `known`: what was diced before, by the index of its shape, which is used where nothing has changed; it is
+    updated."""
     prints = footprints(description)
     if not prints:
         return description, []
     cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
     moved = {k: displaced.of(k, s) for k, s in cages.items() if displaced is not None and isinstance(s, DisplacedMesh)}
-    made, pixels = _within_limit(core, cages, prints, moved, dicing, threads)
+    known = {} if known is None else known
+    made, pixels = _within_limit(core, cages, prints, moved, dicing, threads, known)
     warnings: Warnings = [] if displaced is None else displaced.warnings
     if pixels > dicing.pixels:
         warnings.append(
@@ -145,8 +162,13 @@ def dice(
             )
         )
     shapes = list(description.shapes)
+    before = dict(known)
+    known.clear()
     for k, cage in cages.items():
-        shapes[k] = _mesh(cage, made[k])
+        mesh = before[k].mesh if k in before and before[k].made is made[k] else _mesh(cage, made[k])
+        shapes[k] = mesh
+        if k not in moved:  # what displaces it may change
+            known[k] = DicedShape(cage, _key(prints[k], replace(dicing, pixels=pixels)), made[k], mesh)
         warnings += _warnings(cage, made[k], dicing_of_cage(cage, replace(dicing, pixels=pixels)))
     return replace(description, shapes=tuple(shapes)), warnings
 
@@ -158,22 +180,35 @@ def _within_limit(
     moved: dict[int, dict[str, object]],
     dicing: Dicing,
     threads: int,
+    known: dict[int, DicedShape],
 ) -> tuple[dict[int, DicedCage], float]:
     """Return the core's results and the edge length in pixels, which is doubled until all cages together have few enough
     triangles."""
     pixels = dicing.pixels
-    numbers = list(cages)
-    size = max(1, min(MAX_BATCH, len(numbers) // (16 * max(threads, 1))))  # handing over single small cages is slow
-    batches = [numbers[start : start + size] for start in range(0, len(numbers), size)]
     with ThreadPoolExecutor(max(threads, 1)) as pool:
         while True:
             limit = dicing.max_triangles if pixels < 1e6 else 1 << 31
             now = replace(dicing, pixels=pixels, max_triangles=limit)
+            done = {
+                k: known[k].made
+                for k, cage in cages.items()
+                if k in known and k not in moved and known[k].cage is cage and known[k].key == _key(prints[k], now)
+            }
+            numbers = [k for k in cages if k not in done]
+            size = max(1, min(MAX_BATCH, len(numbers) // (16 * max(threads, 1))))  # handing over single small cages is slow
+            batches = [numbers[start : start + size] for start in range(0, len(numbers), size)]
             jobs = [pool.submit(_dice_some, core, [(cages[k], prints[k], moved.get(k)) for k in some], now) for some in batches]
-            made = [each for job in jobs for each in job.result() if each is not None]
-            if len(made) == len(cages) and sum(len(each.triangles) for each in made) <= limit:
-                return dict(zip(cages, made, strict=True)), pixels
+            results = zip(numbers, (each for job in jobs for each in job.result()), strict=True)
+            made = done | {k: each for k, each in results if each is not None}
+            if len(made) == len(cages) and sum(len(each.triangles) for each in made.values()) <= limit:
+                return made, pixels
             pixels *= 2
+
+
+def _key(footprint: Footprint, dicing: Dicing) -> tuple[object, ...]:
+    """Return what a cage's triangles depend on besides the cage."""
+    camera, views = footprint.projected, (footprint.views.tobytes(), footprint.sweeps.tobytes(), footprint.density)
+    return (*views, camera.orthographic, camera.pixels_per_unit, camera.window, camera.sees_around, dicing)
 
 
 def _dice_some(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import PurePath
 from typing import Any
@@ -52,6 +52,10 @@ class Texture:
     def shape(self) -> tuple[int, int, int]:
         height, width, channels = self.stored.shape
         return height, width, channels
+
+    def without_texels(self) -> Texture:
+        """Return the texture's size, type and wrap modes; all of its texels are the same zero."""
+        return replace(self, stored=np.broadcast_to(np.zeros((1, 1, 1), self.stored.dtype), self.shape))
 
     @property
     def pixels(self) -> Floats:

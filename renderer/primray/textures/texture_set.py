@@ -7,9 +7,10 @@ layout of their image, and photometric lights their brightness.
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +19,7 @@ from ..arrays import Doubles
 from ..description import LightType, SceneDescription, TextureFile, TextureInput, Wrap
 from ..description.lighting import Light, Photometric
 from ..description.shading import pattern_files
-from ..diagnostics import Diagnostics
+from ..diagnostics import Diagnostic, Diagnostics
 from ..errors import AssetError, LimitError
 from ..photometry.flux import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from ..photometry.light_shape import shape_key
@@ -32,7 +33,7 @@ BRIGHTEST_TEXEL = 1e15  # for lights: times the light's colour it must remain a 
 
 
 @dataclass
-class _Use:
+class Use:
     """Readers of a file: the channels that they read, and where to report problems."""
 
     channels: set[str] = field(default_factory=set)
@@ -48,24 +49,69 @@ def load_texture_set(
 
     Files that name no wrap mode get `default_wrap`.
     """
+    found = load_files(description, read, default_wrap, diagnostics.shown)
+    for one in found.values():
+        diagnostics.extend(one.told)
+    return {file: one.images for file, one in found.items() if one.images}
+
+
+@dataclass(frozen=True)
+class LoadedFile:
+    """What loading a file gave, which depends on the file and on its readers alone."""
+
+    use: Use
+    images: list[tuple[int, Texture]]  # with their tile numbers, or 0; empty if none could be read
+    told: tuple[Diagnostic, ...] = ()
+
+    def without_texels(self, made: dict[int, Texture]) -> LoadedFile:
+        """Return the same with textures' sizes alone. `made`: those so far by the identity of what they are of, since files
+        share images."""
+        images = [(number, made.setdefault(id(image), image.without_texels())) for number, image in self.images]
+        return replace(self, images=images)
+
+
+def load_files(
+    description: SceneDescription,
+    read: ReadAsset | None,
+    default_wrap: Wrap = Wrap.BLACK,
+    shown: Callable[[str], str] | None = None,
+    known: Mapping[TextureFile, LoadedFile] = MappingProxyType({}),
+    only: Collection[TextureFile] | None = None,
+) -> dict[TextureFile, LoadedFile]:
+    """Return the description's files, or `only` some of them, in the order in which it reads them.
+
+    Files in `known` that have the same readers are not read again. `shown` rewrites messages.
+    """
     uses = _uses(description)
     same = _alpha_elsewhere(uses)
     for other in same.values():
         uses[other].channels.add("a")
-    jobs = [(file, number, path) for file in uses if file not in same for number, path in _images(file)]
+    found = {file: known[file] for file, use in uses.items() if file in known and known[file].use == use}
+    wanted = {same.get(file, file) for file in uses if (file not in found) and (only is None or file in only)}
+    jobs = [(file, number, path) for file in uses if file in wanted for number, path in _images(file)]
 
     def load(job: tuple[TextureFile, int, str]) -> Texture | AssetError | LimitError:
         file, _, path = job
         return _load(file, path, uses[file], read, default_wrap)
 
-    found: TextureSet = {}
-    with ThreadPoolExecutor(min(THREADS, len(os.sched_getaffinity(0)))) as threads:
-        for (file, number, path), loaded in zip(jobs, threads.map(load, jobs), strict=True):
-            if isinstance(loaded, Texture):
-                found.setdefault(file, []).append((number, _usable(loaded, path, uses[file], diagnostics)))
-            else:
-                _note_unreadable(loaded, uses[file], diagnostics)
-    return found | {file: found[other] for file, other in same.items() if other in found}
+    images: TextureSet = {file: [] for file in wanted}
+    told = {file: Diagnostics(shown) for file in wanted}
+    if jobs:
+        with ThreadPoolExecutor(min(THREADS, len(os.sched_getaffinity(0)))) as threads:
+            for (file, number, path), loaded in zip(jobs, threads.map(load, jobs), strict=True):
+                if isinstance(loaded, Texture):
+                    images[file].append((number, _usable(loaded, path, uses[file], told[file])))
+                else:
+                    _note_unreadable(loaded, uses[file], told[file])
+    made: dict[TextureFile, LoadedFile] = {}
+    for file, use in uses.items():
+        if file in wanted:
+            made[file] = LoadedFile(use, images[file], tuple(told[file]))
+        elif same.get(file) in wanted and file not in found:
+            made[file] = LoadedFile(use, images[same[file]])
+        elif file in found:
+            made[file] = found[file]
+    return made if only is None else {file: one for file, one in made.items() if file in only}
 
 
 def note_unreadable(
@@ -80,7 +126,7 @@ def note_unreadable(
 
 
 def _load(
-    file: TextureFile, path: str, use: _Use, read: ReadAsset | None, default_wrap: Wrap = Wrap.BLACK
+    file: TextureFile, path: str, use: Use, read: ReadAsset | None, default_wrap: Wrap = Wrap.BLACK
 ) -> Texture | AssetError | LimitError:
     try:
         return load_texture(file, read, path=path, channels=frozenset(use.channels), default_wrap=default_wrap)
@@ -88,28 +134,28 @@ def _load(
         return error
 
 
-def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
-    uses: dict[TextureFile, _Use] = {}
+def _uses(description: SceneDescription) -> dict[TextureFile, Use]:
+    uses: dict[TextureFile, Use] = {}
     for light in description.lights:
         if light.texture is not None:
-            use = uses.setdefault(light.texture, _Use())
+            use = uses.setdefault(light.texture, Use())
             use.channels |= set("rgb")
             use.light = use.light or light.path
             use.without = "it shines without its texture" if light.type is LightType.RECT else LIGHT_LEFT_OUT
     for surface in description.surfaces:
         for _, reads in surface.inputs:
             if isinstance(reads, TextureInput) and reads.file.path:
-                use = uses.setdefault(reads.file, _Use())
+                use = uses.setdefault(reads.file, Use())
                 use.channels |= set(reads.channels)
                 use.surface = use.surface or surface.path
         for file, channels in pattern_files(surface.pattern).items() if surface.pattern else ():
-            use = uses.setdefault(file, _Use())
+            use = uses.setdefault(file, Use())
             use.channels |= channels
             use.surface = use.surface or surface.path
     return uses
 
 
-def _alpha_elsewhere(uses: dict[TextureFile, _Use]) -> dict[TextureFile, TextureFile]:
+def _alpha_elsewhere(uses: dict[TextureFile, Use]) -> dict[TextureFile, TextureFile]:
     """Return, for files of which only alpha is read, the same file in another colour space, which has the same alpha."""
     read_more = {_texels_of(f): f for f, use in uses.items() if use.channels != {"a"} and use.light is None}
     only_alpha = [f for f, use in uses.items() if use.channels == {"a"}]
@@ -125,7 +171,7 @@ def _images(file: TextureFile) -> Iterator[tuple[int, str]]:
     yield from file.tiles or ((0, file.path),)
 
 
-def _usable(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> Texture:
+def _usable(texture: Texture, path: str, use: Use, diagnostics: Diagnostics) -> Texture:
     bad, where = texture.bad_texels, use.light or use.surface
     if use.light is not None and texture.to_target is not None and (texture.to_target < 0).any():
         texture = replace(texture, stored=texture.pixels, srgb_channels=0, to_target=None)
@@ -153,7 +199,7 @@ def _texels(marked: npt.NDArray[np.bool_]) -> int:
     return int(np.count_nonzero(marked.any(axis=2))) if marked.any() else 0
 
 
-def _note_unreadable(error: AssetError | LimitError, use: _Use, diagnostics: Diagnostics) -> None:
+def _note_unreadable(error: AssetError | LimitError, use: Use, diagnostics: Diagnostics) -> None:
     if use.light is not None:
         diagnostics.add("texture-unreadable", use.light, f"{use.without}: {error.message} ({error.where})")
     if use.surface:

@@ -7,6 +7,7 @@ traversal, description. `inspect` has facts about a stage, `incremental` transla
 precision and column-vector.
 """
 
+from .camera.camera import nearest_of
 from .camera.framed_objects import framed_bounds
 from .camera.session_camera import has_camera, is_session_camera, place_camera
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
@@ -41,6 +42,7 @@ __all__ = [
     "limit_threads",
     "named_product",
     "names_in_instances",
+    "nearest_of",
     "open_stage",
     "ordered_picture_channels",
     "output_facts",

@@ -13,6 +13,7 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade
 import primray
 from primray.incremental import core_update
 from primray.render import Steps
+from primray.textures import texture_set
 from primray.usd.incremental import translation
 
 from ...properties.random_edits import stage_of
@@ -136,3 +137,91 @@ def test_composition_is_the_scenes(stage: Usd.Stage) -> None:
     with pytest.raises(primray.errors.SettingsError, match="not with spp"):
         primray.Scene(stage, spp=4)
     assert primray.Scene(stage, mask=("/eyes", "/world/g1")).render(SETTINGS).report["scene"]["meshes"] == 3
+
+
+@pytest.fixture
+def textured(tmp_path: Path) -> Usd.Stage:
+    import random
+
+    write_chequers(tmp_path / "chequers.png")
+    return stage_of(random.Random(4), str(tmp_path / "chequers.png"))
+
+
+@pytest.fixture
+def read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the image files that are read."""
+    names: list[str] = []
+    load = texture_set.load_texture
+
+    def noted(file: Any, *given: Any, **named: Any) -> Any:
+        names.append(Path(named["path"]).name)
+        return load(file, *given, **named)
+
+    monkeypatch.setattr(texture_set, "load_texture", noted)
+    return names
+
+
+def grown(stage: Usd.Stage) -> None:
+    points = stage.GetPrimAtPath("/world/g0/m2").GetAttribute("points")
+    points.Set([1.5 * p for p in points.Get()])
+
+
+def gone_afar(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath("/eyes/cam").GetAttribute("xformOp:translate").Set(Gf.Vec3d(40, 0, 90))
+
+
+@pytest.mark.parametrize("edit", [grown, gone_afar])
+def test_images_stay_in_the_core_where_all_else_is_built_again(edit, textured: Usd.Stage, read: list[str]) -> None:
+    scene = primray.Scene(textured)
+    scene.render(SETTINGS)
+    assert read
+    read.clear()
+    edit(textured)
+    image = scene.render(SETTINGS)
+    assert not read
+    assert bits(image) == bits(primray.render(textured, SETTINGS))
+    read.clear()
+    assert bits(scene.render(SETTINGS, seed=2)) == bits(primray.render(textured, SETTINGS, seed=2))
+
+
+@pytest.mark.parametrize("edit", [lambda stage: None, grown], ids=["alone", "beside another edit"])
+def test_images_are_read_again_for_levels_that_were_left_out(edit, textured: Usd.Stage, read: list[str]) -> None:
+    gone_afar(textured)
+    scene = primray.Scene(textured)
+    afar = scene.render(SETTINGS)
+    before = len(read)
+    edit(textured)
+    textured.GetPrimAtPath("/eyes/cam").GetAttribute("xformOp:translate").Set(Gf.Vec3d(0, 0.5, 3))
+    near = scene.render(SETTINGS, resolution=(160, 90))
+    assert len(read) > before
+    new = primray.render(textured, SETTINGS, resolution=(160, 90))
+    assert bits(near) == bits(new) != bits(afar)
+    assert near.report["features"] == new.report["features"]  # with the size of what rays may ask for
+
+
+def test_of_several_images_only_the_new_one_is_read(textured: Usd.Stage, read: list[str], tmp_path: Path) -> None:
+    scene = primray.Scene(textured)
+    before = scene.render(SETTINGS)
+    read.clear()
+    write_chequers(tmp_path / "other.png", 90)
+    textured.GetPrimAtPath("/mats/m1/texture").GetAttribute("inputs:file").Set(str(tmp_path / "other.png"))
+    after = scene.render(SETTINGS)
+    assert set(read) == {"other.png"}
+    assert bits(after) == bits(primray.render(textured, SETTINGS)) != bits(before)
+
+
+def test_an_image_that_is_read_otherwise_is_given_to_the_core_again(tmp_path: Path) -> None:
+    """A light clamps what is negative, for surfaces that read the same file too."""
+    import random
+
+    import OpenImageIO as oiio
+
+    path = tmp_path / "below.exr"
+    texels = np.where(np.indices((8, 8)).sum(axis=0) % 2, 1.0, -1.0).astype(np.float32)
+    assert oiio.ImageBuf(np.repeat(texels[..., None], 3, axis=2)).write(str(path))
+    stage = stage_of(random.Random(4), str(path))
+    scene = primray.Scene(stage)
+    before = scene.render(SETTINGS)
+    UsdLux.DomeLight.Define(stage, "/sky").CreateTextureFileAttr(str(path))
+    after = scene.render(SETTINGS)
+    assert bits(after) == bits(primray.render(stage, SETTINGS)) != bits(before)

@@ -13,6 +13,8 @@ void measure_footprints(Scene& scene);
 
 // Returns the finest level of an image of that size that a ray can need.
 int finest_level(const Texture& texture, int width, int height);
+// Whether the images of `made` have every level that rays can ask for on `texture`, which reads the same files.
+bool has_needed_levels(const Texture& texture, const Texture& made);
 
 // Detection of the objects with media that paths must follow, and of those that contain the camera.
 

@@ -25,7 +25,7 @@ from ..scene.bounds import Bounds
 from ..scene.context import Context
 from ..stage.metadata import is_number, layer_data, shown, up_axis
 from ..stage.reads import type_name
-from .camera import UNCLIPPED, Aperture, conform, window_of
+from .camera import UNCLIPPED, Aperture, conform, nearest_of, window_of
 from .framed_objects import FramedObjects, outliers
 
 # GfCamera's defaults: 50 mm, 35 mm projector aperture.
@@ -57,8 +57,10 @@ def three_quarter_camera(
     world_from_camera = np.eye(4)
     world_from_camera[:3, :3] = _axes(z_up)
     inside = 1 - 2 * MARGIN
-    world_from_camera[:3, 3] = _position(framed, world_from_camera[:3, :3], window[1] * inside, window[3] * inside)
-    return Camera("", world_from_camera, Projection.PERSPECTIVE, window, (0.0, 3e38)), left_out
+    axes = world_from_camera[:3, :3]
+    world_from_camera[:3, 3] = eye = _position(framed, axes, window[1] * inside, window[3] * inside)
+    nearest = nearest_of(-framed.reach(axes[:, 2], eye))
+    return Camera("", world_from_camera, Projection.PERSPECTIVE, window, UNCLIPPED, nearest=nearest), left_out
 
 
 def _near_ground(framed: FramedObjects, up: int) -> Box:
@@ -144,7 +146,9 @@ def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], prod
     world_from_camera[:3, 3] = center
     world_from_camera[depth, 3] += -distance if z_up else distance
     aperture = conform(APERTURE, resolution, product)
-    return Camera("", world_from_camera, Projection.PERSPECTIVE, window_of(aperture, 1 / FOCAL_LENGTH), (0.0, 3e38))
+    nearest = nearest_of(distance - size[depth] / 2)
+    window = window_of(aperture, 1 / FOCAL_LENGTH)
+    return Camera("", world_from_camera, Projection.PERSPECTIVE, window, UNCLIPPED, nearest=nearest)
 
 
 CAMERA_SETTINGS = "cameraSettings"

@@ -149,6 +149,7 @@ def read_camera(
         shutter=shutter or INSTANT,
         diffusion=read_diffusion(prim, lens, then, diagnostics),
         distortion=distortion,
+        nearest=_nearest(prim, then, diagnostics),
     )
 
 
@@ -244,6 +245,23 @@ def report_single_eye(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> N
 
 Plane = tuple[float, float, float, float]
 UNCLIPPED = (0.0, 3e38)
+NEAREST = "primray:nearest"
+
+
+def nearest_of(distance: float) -> float:
+    """Return Camera.nearest for a camera that frames things from this distance on: the largest power of two up to half of it.
+
+    It stays as it is while a camera goes around them.
+    """
+    return 2.0 ** (math.frexp(distance)[1] - 2) if 0 < distance < math.inf else 0.0
+
+
+def _nearest(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> float:
+    found = number(prim, NEAREST, when, 0.0, diagnostics)
+    if 0 <= found < math.inf:
+        return found
+    diagnostics.add("out-of-range", str(prim.GetPath()), f"{NEAREST} = {found:g} is not a distance: it is ignored.", NEAREST)
+    return 0.0
 
 
 def clipping_range(prim: Usd.Prim, when: When, orthographic: bool, diagnostics: Diagnostics) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from ...description import Camera, Projection
 from ..stage.reads import type_name
 from ..stage.time_varying import earliest_value
 from ..stage.traversal import all_children
-from .camera import UNCLIPPED
+from .camera import NEAREST, UNCLIPPED
 
 PATH = "/primray_view"
 _FOCAL_MM = 50.0
@@ -21,16 +21,20 @@ _FILM = ("horizontalAperture", "verticalAperture", "horizontalApertureOffset", "
 _OP = "xformOp:transform:primrayView"
 
 
-def place_camera(stage: Usd.Stage, world_from_camera: Doubles, like: Camera, zoom: float = 1.0) -> str:
+def place_camera(stage: Usd.Stage, world_from_camera: Doubles, like: Camera, zoom: float = 1.0, nearest: float = 0.0) -> str:
     """Place the session camera and return its path; it has the lens of `like`, with a film `zoom` times as large.
 
     `like` is a camera of the stage, which keeps deciding about all but the placement, or one that was made (its path is "").
+    `nearest`: as in Camera.
     """
     prim = stage.GetPrimAtPath(PATH)
     if not prim or prim.GetCustomDataByKey("like") != like.path:
         prim = _define_camera(stage, like)
-    with Usd.EditContext(stage, stage.GetSessionLayer()):
+    with Usd.EditContext(stage, stage.GetSessionLayer()), Sdf.ChangeBlock():
         prim.GetAttribute(_OP).Set(Gf.Matrix4d(world_from_camera.T.tolist()))
+        if prim.GetAttribute(NEAREST).Get() != nearest:
+            prim.GetAttribute(NEAREST).Set(nearest)
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
         if zoom != 1.0 or prim.GetCustomDataByKey("zoomed"):
             _zoom(prim, like, zoom)
     return PATH
@@ -38,6 +42,15 @@ def place_camera(stage: Usd.Stage, world_from_camera: Doubles, like: Camera, zoo
 
 def is_session_camera(path: str) -> bool:
     return path == PATH
+
+
+def is_of_session_camera(path: Sdf.Path) -> bool:
+    """Return whether the path is of the session camera, one of its properties, or a prim below it."""
+    return path.HasPrefix(PATH)
+
+
+# An attribute that any new session camera has, by which its making is told as a change.
+PLACEMENT = Sdf.Path(PATH).AppendProperty(_OP)
 
 
 def has_camera(stage: Usd.Stage, path: str) -> bool:
@@ -54,6 +67,7 @@ def _define_camera(stage: Usd.Stage, like: Camera) -> Usd.Prim:
         prim = stage.DefinePrim(PATH, "Camera")
         prim.SetCustomDataByKey("like", like.path)
         prim.CreateAttribute(_OP, Sdf.ValueTypeNames.Matrix4d)
+        prim.CreateAttribute(NEAREST, Sdf.ValueTypeNames.Double)
         UsdGeom.Xformable(prim).CreateXformOpOrderAttr().Set(["!resetXformStack!", _OP])
         if like.path:
             prim.GetReferences().AddInternalReference(like.path)

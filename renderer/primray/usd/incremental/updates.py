@@ -17,6 +17,7 @@ from pxr import Sdf, Tf, Usd
 from ...arrays import Doubles
 from ...description import Light, Placed, Surface
 from ...diagnostics import Diagnostic, Diagnostics
+from ..camera.session_camera import PLACEMENT, is_of_session_camera
 from ..lights.assembly import add_lights
 from ..materials.material import translate_uncached
 from ..materials.translated_material import Material
@@ -77,10 +78,14 @@ class _Heard:
 
 
 def _changes_in(notice: Any) -> Changes:
-    if notice.GetResyncedPaths() or notice.GetResolvedAssetPathsResyncedPaths():
+    made = [*notice.GetResyncedPaths(), *notice.GetResolvedAssetPathsResyncedPaths()]
+    if not all(map(is_of_session_camera, made)):
         return Changes(others=True)
-    values: dict[Sdf.Path, None] = {}
+    values: dict[Sdf.Path, None] = {PLACEMENT: None} if made else {}
     for path in notice.GetChangedInfoOnlyPaths():
+        if is_of_session_camera(path):  # whatever it is: nothing but the camera depends on it
+            values[PLACEMENT] = None
+            continue
         fields = notice.GetChangedFields(path)
         if not path.IsPrimPropertyPath() or not fields or not VALUES.issuperset(fields):
             return Changes(others=True)
@@ -109,6 +114,8 @@ def affected_by(paths: Iterable[Sdf.Path], stage: Usd.Stage, record: Record) -> 
     """Return what these attributes affect; raise NotKnownError where one of them may affect anything."""
     found = Affected()
     for path in paths:
+        if is_of_session_camera(path):
+            continue
         prim, name = stage.GetPrimAtPath(path.GetPrimPath()), path.name
         kind, at = type_name(prim) if prim else "", str(path.GetPrimPath())
         if name.startswith("xformOp:"):
