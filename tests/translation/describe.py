@@ -23,7 +23,7 @@ SPARSE |= {"rendering_space", "target", "is_color", "layer", "pattern"}
 SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light", "photometric"}
 SPARSE |= {"open_pbr", "motion", "exposure", "camera_motion", "motion_steps", "diffusion"}
 SPARSE |= {"asked", "file", "instances", "may_need_light", "prefix", "media", "volume_emissions", "fog", "interface", "volume"}
-SPARSE |= {"distortion", "natural_vignetting", "rim", "channel_magnification", "channel_focus_shift"}
+SPARSE |= {"distortion", "natural_vignetting", "rim", "channel_magnification", "channel_focus_shift", "nearest"}
 
 
 def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], root: str) -> str:
