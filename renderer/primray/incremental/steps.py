@@ -80,7 +80,7 @@ class CachedSteps(Steps):
         self._translation.forget()
         self._loaded: LoadedTextures | None = None
         self._diced: _Diced | None = None
-        self.diced = {}
+        self.diced_before = {}
         self._counted: tuple[SceneDescription, float, Counts] | None = None
         self._digests: tuple[SceneDescription, dict[str, str]] | None = None
         self._built: _Built | None = None

@@ -299,7 +299,7 @@ Textures = dict["TextureFile", "list[tuple[int, Texture]]"]
 class Steps:
     """The steps in their order, without caching."""
 
-    diced: dict[int, DicedShape] | None = None  # what was diced before; None: nothing stays
+    diced_before: dict[int, DicedShape] | None = None  # what was diced before; None: nothing stays
     kept_images: KeptImages | None = None  # those of an earlier scene in the core, for the next one that is built
 
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
@@ -329,7 +329,7 @@ class Steps:
         """Return the diced description, and code, path and message of approximations."""
         from .. import core
 
-        return core.dice(description, settings, textures, self.diced)
+        return core.dice(description, settings, textures, self.diced_before)
 
     def count(
         self, description: SceneDescription, settings: RenderSettings, images: list[ImageSize]

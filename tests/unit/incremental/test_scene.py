@@ -13,7 +13,7 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade
 import primray
 from primray.incremental import core_update
 from primray.render import Steps
-from primray.textures import texture_set
+from primray.textures import texture, texture_set
 from primray.usd.incremental import translation
 
 from ...properties.random_edits import stage_of
@@ -151,7 +151,7 @@ def textured(tmp_path: Path) -> Usd.Stage:
 def read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of the image files that are read."""
     names: list[str] = []
-    load = texture_set.load_texture
+    load = texture.load_texture
 
     def noted(file: Any, *given: Any, **named: Any) -> Any:
         names.append(Path(named["path"]).name)

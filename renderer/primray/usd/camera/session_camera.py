@@ -32,8 +32,7 @@ def place_camera(stage: Usd.Stage, world_from_camera: Doubles, like: Camera, zoo
         prim = _define_camera(stage, like)
     with Usd.EditContext(stage, stage.GetSessionLayer()), Sdf.ChangeBlock():
         prim.GetAttribute(_OP).Set(Gf.Matrix4d(world_from_camera.T.tolist()))
-        if prim.GetAttribute(NEAREST).Get() != nearest:
-            prim.GetAttribute(NEAREST).Set(nearest)
+        prim.GetAttribute(NEAREST).Set(nearest)
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         if zoom != 1.0 or prim.GetCustomDataByKey("zoomed"):
             _zoom(prim, like, zoom)
@@ -46,7 +45,7 @@ def is_session_camera(path: str) -> bool:
 
 def is_of_session_camera(path: Sdf.Path) -> bool:
     """Return whether the path is of the session camera, one of its properties, or a prim below it."""
-    return path.HasPrefix(PATH)
+    return bool(path.HasPrefix(PATH))
 
 
 # An attribute that any new session camera has, by which its making is told as a change.
