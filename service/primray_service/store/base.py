@@ -287,10 +287,16 @@ class Store(Protocol):
         """Return the seconds by work, in order of recording."""
 
     def report(
-        self, fence: int, frame: Frame, now: float, *, job_changes: Json | None = None, event: tuple[str, Json] | None = None
+        self,
+        fence: int,
+        frame: Frame,
+        now: float,
+        *,
+        job_changes: Json | None = None,
+        events: Sequence[tuple[str, Json]] = (),
     ) -> Job:
         """Store a running frame's phase, progress, effective settings, convergence, cpu_s and peak_rss_bytes, with its changes
-        to the job (progress, effective_settings, warnings, state running) and one event."""
+        to the job (progress, effective_settings, warnings, state running) and events."""
 
     def accept_checkpoint(
         self,

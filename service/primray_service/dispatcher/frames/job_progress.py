@@ -131,11 +131,7 @@ async def report(context: Context, shared: SharedJob, job: Job, frame: Frame, ru
         if shared.throttle.takes_event("progress", loop.time()):
             events.append(("progress", changes["progress"]))
         shared.throttle.reported(loop.time(), context.metrics.running)
-        job = await context.calls.store(
-            context.store.report, context.fence, frame, now, job_changes=changes, event=events[0] if events else None
-        )
-        for event in events[1:]:
-            job = await context.calls.store(context.store.report, context.fence, frame, now, event=event)
+        job = await context.calls.store(context.store.report, context.fence, frame, now, job_changes=changes, events=events)
     return job, frame
 
 
@@ -145,7 +141,7 @@ async def tell_preview(context: Context, shared: SharedJob, frame: Frame, number
     async with shared.lock:
         if shared.throttle.takes_event(f"preview {frame.number}", loop.time()):
             event = ("preview", {"frame": frame.number, "pass": number})
-            await context.calls.store(context.store.report, context.fence, frame, time.time(), event=event)
+            await context.calls.store(context.store.report, context.fence, frame, time.time(), events=[event])
 
 
 def updated(frame: Frame, run: Heard) -> Frame:

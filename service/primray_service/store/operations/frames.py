@@ -46,7 +46,13 @@ class Frames(Operations):
         return {state.value: int(row._mapping[state.value]) if row else 0 for state in FrameState}
 
     def report(
-        self, fence: int, frame: Frame, now: float, *, job_changes: Json | None = None, event: tuple[str, Json] | None = None
+        self,
+        fence: int,
+        frame: Frame,
+        now: float,
+        *,
+        job_changes: Json | None = None,
+        events: Sequence[tuple[str, Json]] = (),
     ) -> Job:
         changes = dict(job_changes or {})
         state = changes.pop("state", JobState.RUNNING)
@@ -56,7 +62,8 @@ class Frames(Operations):
 
         def work(transaction: Transaction[Job]) -> Job:
             opened, stored = _running(transaction, fence, frame)
-            if stored is None or (event and transaction.previous and _is_there(transaction, frame.job_id, now, event)):
+            # An earlier try that arrived has left all of the events, or none.
+            if stored is None or (events and transaction.previous and _is_there(transaction, frame.job_id, now, events[-1])):
                 return opened.job
             _store(transaction, opened, stored, now, {name: getattr(frame, name) for name in REPORTED})
             opened.change(changes)
@@ -66,8 +73,8 @@ class Frames(Operations):
                 opened.move(JobState.RUNNING, now, {"started_at": started})
                 if first:
                     opened.send("started", now)
-            if event is not None:
-                opened.event(event[0], now, event[1])
+            for kind, data in events:
+                opened.event(kind, now, data)
             return opened.save()
 
         return self._db.write(work, durable=False)

@@ -63,7 +63,7 @@ def disturbed(url: str, disturb: Callable[[], None], jobs: int, clients: int) ->
             frame, now = claim.frame, T0 + 100 * ended + claim.frame.number
             job_id, number = frame.job_id, frame.number
             half = replace(frame, cpu_s=CPU_S / 2)
-            store.report(world.fence, half, now, job_changes={"state": JobState.RUNNING}, event=("progress", {"n": number}))
+            store.report(world.fence, half, now, job_changes={"state": JobState.RUNNING}, events=[("progress", {"n": number})])
             given: Any = {"attempt": 1, "follows": 0, "file": "checkpoint-1.prc", "now": now}
             assert store.accept_checkpoint(world.fence, f"{job_id} {number}", job_id, number, **given)
             done = replace(frame, state=FrameState.SUCCEEDED, cpu_s=CPU_S, checkpoint=1)

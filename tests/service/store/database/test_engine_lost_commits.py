@@ -152,7 +152,7 @@ OPERATIONS: dict[str, tuple[Step, Step]] = {
             replace(frame_of(w), cpu_s=2.0),
             w.now,
             job_changes={"state": JobState.RUNNING, "progress": {"fraction": 0.5}},
-            event=("progress", {"fraction": 0.5}),
+            events=[("progress", {"fraction": 0.5})],
         ),
     ),
     "accept_checkpoint": (claimed, checkpoint),

@@ -115,7 +115,9 @@ def test_a_reader_never_finds_an_earlier_event_later(url: str, world: World):
 
     def write(number: int) -> None:
         for turn in range(15):
-            stores[number % 3].report(world.fence, frames[number], world.now, event=("progress", {"n": number, "turn": turn}))
+            stores[number % 3].report(
+                world.fence, frames[number], world.now, events=[("progress", {"n": number, "turn": turn})]
+            )
 
     def follow(number: int) -> list[int]:
         seen: list[int] = []

@@ -32,12 +32,13 @@ def test_a_report_is_stored_with_its_event_and_what_it_changes_of_the_job(world:
         "warnings": [warning],
         "effective_settings": {"spp": 4},
     }
-    told = world.store.report(world.fence, frame, world.tick(), job_changes=changes, event=("warning", warning))
+    said = [("warning", warning), ("progress", changes["progress"])]
+    told = world.store.report(world.fence, frame, world.tick(), job_changes=changes, events=said)
     assert world.store.frame(job.id, 0) == frame
     assert told == world.get(job)
     assert (told.state, told.started_at, told.warnings) == (JobState.RUNNING, world.now, [warning])
-    last = world.store.events(job.id, 0, 99)[-2:]
-    assert [(e.type, e.data) for e in last] == [("state", {"state": "running", "attempt": 1}), ("warning", warning)]
+    last = world.store.events(job.id, 0, 99)[-3:]
+    assert [(e.type, e.data) for e in last] == [("state", {"state": "running", "attempt": 1}), *said]
     usage = world.store.usage("t", world.now)
     assert (usage.cpu_s_today, usage.cpu_s_total) == (2.5, 2.5)
 

@@ -303,7 +303,7 @@ def test_progress_events_are_kept_for_an_hour_all_others_as_long_as_the_job(worl
     job = world.job(ttl_s=1e6)
     frame = world.claim().frame
     for type_ in ("progress", "preview", "warning"):
-        world.store.report(world.fence, frame, world.tick(), event=(type_, {}))
+        world.store.report(world.fence, frame, world.tick(), events=[(type_, {})])
     world.store.expire(world.fence, world.now + 3000, 10)
     assert [e.type for e in world.store.events(job.id, 0, 99)][-3:] == ["progress", "preview", "warning"]
     world.store.expire(world.fence, world.now + 4000, 10)

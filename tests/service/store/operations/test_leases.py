@@ -91,7 +91,7 @@ def test_nothing_is_written_under_a_fence_of_before(world: World):
         lambda: store.renew_lease(old, now, 10),
         lambda: store.claim_frame(old, now, any_quotas),
         lambda: store.waiting(old),
-        lambda: store.report(old, frame, now, event=("progress", {})),
+        lambda: store.report(old, frame, now, events=[("progress", {})]),
         lambda: store.accept_checkpoint(old, "c", frame.job_id, 0, attempt=1, follows=0, file="f", now=now),
         lambda: store.end_frame(old, replace(frame, state=FrameState.SUCCEEDED), now, outputs=[], job_changes={}),
         lambda: store.requeue_frame(old, frame, now),
