@@ -215,10 +215,17 @@ def _used(points: Floats, indices: Ints) -> Floats:
     return points if is_used.all() else points[is_used]
 
 
+_BALLS = 1 << 14  # converted to double at a time: millions do not fit into the CPU's cache
+
+
 def _box_of_balls(balls: Floats) -> tuple[Doubles, Doubles]:
     """Return the box of spheres (N, 4) given by centre and radius."""
-    centres, radii = balls[:, :3].astype(np.float64), balls[:, 3:]
-    return (centres - radii).min(axis=0), (centres + radii).max(axis=0)
+    low, high = [], []
+    for first in range(0, len(balls), _BALLS):
+        x, y, z, radii = balls[first : first + _BALLS].T.astype(np.float64)
+        centres = np.stack([x, y, z])
+        low.append((centres - radii).min(axis=1)), high.append((centres + radii).max(axis=1))
+    return np.min(low, axis=0), np.max(high, axis=0)
 
 
 def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
