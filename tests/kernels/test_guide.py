@@ -152,7 +152,9 @@ def test_more_is_learnt_for_pictures_that_take_longer(tmp_path: Path) -> None:
         return bytes(film._film.replicates.tobytes())
 
     scene, guide = learn((288, 192), core.lanes())
-    assert guide.regions > 1.2 * learn((48, 32), core.lanes())[1].regions
+    little = learn((48, 32), core.lanes())[1]
+    assert guide.regions > 1.2 * little.regions
+    assert guide.share > little.share == 0.5
     assert picture(scene, guide) == picture(scene, learn((288, 192), 4)[1])
 
 
@@ -170,3 +172,36 @@ def test_a_guide_does_not_depend_on_the_unit_of_light(tmp_path: Path) -> None:
 
 def test_paths_to_be_chosen_are_chosen() -> None:
     assert core.module().learn_guide(room("door")._scene, asked(max_depth=DEPTH, splits=0), core.lanes()) is not None
+
+
+@pytest.mark.parametrize("bin", [None, 5])
+def test_rays_that_mostly_follow_a_guide_bring_the_same_light(bin: int | None, tmp_path: Path) -> None:
+    """One that has learnt for a larger picture has more than half of them; a guide that is wrong everywhere is only slower."""
+    large, small = (peer_room("window", size, 8, tmp_path) for size in ((480, 320), (48, 32)))
+    guide = core.module().learn_guide(large._scene, asked(max_depth=8, splits=2), core.lanes())
+    assert 0.55 < guide.share < 0.7
+    if bin is not None:
+        core.module().testing.put_all_in_bin(guide, bin)
+
+    def parts(use: Any) -> Any:
+        means = []
+        for seed in range(8):
+            film = core.Film(small)
+            settings = asked(max_depth=8, splits=2, threads=2, seed=seed, guide=use)
+            core.module().render_pass(small._scene, film._film, core.uniform_ends(film, 64), settings, lanes=core.lanes())
+            means.append(replicate_means(film._film).mean(axis=-1))
+        return np.concatenate(means).reshape(16, 2, 16, 3, 16).mean(axis=(2, 4))
+
+    a, b = parts(guide), parts(None)
+    error = np.sqrt((a.var(axis=0) + b.var(axis=0)) / 15)
+    assert np.median(error / b.mean(axis=0)) < 0.08
+    assert np.all(np.abs(a.mean(axis=0) - b.mean(axis=0)) < 5 * error)
+
+
+def test_replicates_that_share_a_guide_are_independent() -> None:
+    """Mean rank correlation of 4 x 3 parts of the picture over 400 renders; its standard error is 0.015."""
+    guide = learnt("door")
+    films = [replicate_means(rendered("door", 2, guide, seed=seed)).mean(axis=-1) for seed in range(400)]
+    parts = np.stack(films).reshape(400, 2, 3, 12, 4, 12).mean(axis=(3, 5)).reshape(400, 2, 12)
+    ranks = parts.argsort(axis=0).argsort(axis=0)
+    assert abs(np.mean([np.corrcoef(ranks[:, 0, k], ranks[:, 1, k])[0, 1] for k in range(12)])) < 0.05

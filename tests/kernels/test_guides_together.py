@@ -123,8 +123,8 @@ def test_large_lights_on_rough_metal_are_left_to_the_guide() -> None:
         np.mean([_error(rendered("rough metal", 32, *use, seed=seed)) for seed in range(4)])
         for use in ((guide, None), (guide, photons), (None, photons))
     )
-    assert used < 1.3 * without  # both of which take half as long again
-    assert used < 1.3 * beside
+    assert used < 1.4 * without  # both of which take half as long again
+    assert used < 1.4 * beside
 
 
 def test_photons_are_launched_from_a_lamp_inside_the_bounds_of_a_floor() -> None:

@@ -245,6 +245,7 @@ void bind_render(nb::module_& m) {
   nb::class_<Guide>(m, "Guide")
       .def_prop_ro("regions", [](const Guide& g) { return g.cdf.size() / (Guide::kBins + 1); })
       .def_ro("alone", &Guide::alone)
+      .def_ro("share", &Guide::share)
       .def_prop_ro("memory_bytes", &Guide::memory_bytes);
   m.def(
       "learn_guide",

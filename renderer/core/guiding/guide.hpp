@@ -16,14 +16,15 @@
 
 namespace primray {
 
-// Probability of sampling a scattered ray from the guide, where it is valid; in media at most.
+// Probability of sampling a scattered ray from a guide of little learning, where it is valid; in media at most.
 constexpr float kGuideShare = 0.5f;
 
-// Location of points in the guide: the region, or -1, and the orientation. Regions are of hemispheres on surfaces.
+// Location of points in the guide: the region, or -1, and the orientation, and the probability of sampling from the guide.
+// Regions are of hemispheres on surfaces.
 template <int W, bool kInMedium = false>
 struct GuideLocation {
-  static constexpr float share = kGuideShare;
   vint<W> region, side;
+  float share = kGuideShare;
 };
 // Inside media regions are of spheres, and the share depends on the phase function.
 template <int W>
@@ -46,6 +47,7 @@ struct Guide {
   std::vector<float> cdf;       // kBins + 1 per region, from 0 to 1
   std::vector<float> received;  // by region: mean of the radiance, on surfaces from the hemisphere and weighted by the cosine
   float usual = 0;              // mean over all regions
+  float share = kGuideShare;    // on surfaces
   bool alone = false;           // caustic photons are not worth their time beside this guide
   int64_t memory_bytes() const { return int64_t(4 * (region.size() + cdf.size() + received.size())); }
 
@@ -67,7 +69,7 @@ struct Guide {
   template <int W>
   PRIMRAY_INLINE GuideLocation<W> place_of(const vvec3<W>& p, const vvec3<W>& n) const {
     const vint<W> side = side_of<W>(n);
-    return {gather<W>(region.data(), cell_of(surfaces, side, p)), side};
+    return {gather<W>(region.data(), cell_of(surfaces, side, p)), side, share};
   }
   // Region of points inside media, or -1.
   template <int W>
