@@ -32,7 +32,7 @@ def test_a_report_is_stored_with_its_event_and_what_it_changes_of_the_job(world:
         "warnings": [warning],
         "effective_settings": {"spp": 4},
     }
-    said = [("warning", warning), ("progress", changes["progress"])]
+    said: list[tuple[str, Any]] = [("warning", warning), ("progress", changes["progress"])]
     told = world.store.report(world.fence, frame, world.tick(), job_changes=changes, events=said)
     assert world.store.frame(job.id, 0) == frame
     assert told == world.get(job)
