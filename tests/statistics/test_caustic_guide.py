@@ -93,6 +93,18 @@ def test_samples_follow_the_density() -> None:
         assert density_p_value(cells, density, wi, N) > 0.005
 
 
+def test_points_of_one_leaf_together_have_the_bits_of_points_of_many() -> None:
+    """Packets of four lanes: four times one point, whose leaf's photons are broadcast, or four points from anywhere."""
+    scene, guide = learnt()
+    points = lit_points(guide, scene, 400)
+    u, given = random_numbers(400, 3, seed=6), random_numbers(400, 3, seed=7)
+    apart = kernels().caustic_lobes(scene, guide, points, u, given)
+    assert apart[0].min() < apart[0].max()
+    together = kernels().caustic_lobes(scene, guide, *(np.repeat(x, 4, axis=0) for x in (points, u, given)))
+    for one, same in zip(apart, together, strict=True):
+        assert same[::4].tobytes() == one.tobytes()
+
+
 def test_lobes_follow_the_light_as_points_move() -> None:
     """A flat mirror shows a sun from one direction wherever it is seen: lobes are little wider than the sun."""
     mirror = replace(METAL, roughness=0.0)

@@ -10,6 +10,8 @@
 // Photon Map"), may be arbitrarily wrong.
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <vector>
 
 #include "math/transcendental.hpp"
@@ -18,16 +20,19 @@ namespace primray {
 
 struct CausticGuide {
   static constexpr int kMostInLeaf = 24;
+  struct Node {
+    float split;   // position of the splitting plane
+    int32_t axis;  // that it is perpendicular to
+  };
   int levels = 0;              // of the tree
   int leaf_photons = 0;        // per leaf
-  std::vector<int32_t> axis;   // of inner nodes; children of node i are 2 i + 1 and 2 i + 2
-  std::vector<float> split;    // position of the splitting plane
+  std::vector<Node> nodes;     // children of node i are 2 i + 1 and 2 i + 2
   std::vector<float> photons;  // kPhotonFields per photon, leaf after leaf
   std::vector<float> leaf;     // kLeafFields per leaf
   // Share of the photons' weight in leaves whose lobes are so narrow that hardly any ray would find that light without them.
   float sharp = 0;
   bool any() const { return leaf_photons > 0; }
-  int64_t memory_bytes() const { return int64_t(4 * (axis.size() + split.size() + photons.size() + leaf.size())); }
+  int64_t memory_bytes() const { return int64_t(sizeof(Node) * nodes.size() + 4 * (photons.size() + leaf.size())); }
 };
 
 enum CausticLeafField : int {
@@ -70,6 +75,28 @@ PRIMRAY_INLINE F caustic_nearness(F distance2, F reach2) {
 // worth their cost.
 constexpr float kMostGuided = 0.5f, kHalfDensity = 0.05f, kLeastShare = 0.002f, kLeastDensity = 2e-4f;
 
+// Returns the number of the leaf of each lane.
+template <int W>
+PRIMRAY_INLINE vint<W> caustic_leaf(const CausticGuide& g, const vvec3<W>& p) {
+  vint<W> node(0);
+  const auto descend = [&](vfloat<W> split, vint<W> axis) {
+    const vfloat<W> x = select(axis == vint<W>(0), p.x, select(axis == vint<W>(1), p.y, p.z));
+    node = node * vint<W>(2) + select(x >= split, vint<W>(2), vint<W>(1));
+  };
+  int level = 0;
+  // The W - 1 nodes of the first levels fit into vectors.
+  if constexpr (W > 1) {
+    const TwoLanes<int32_t, W> top = gather_words<W, int(sizeof(CausticGuide::Node))>(g.nodes.data(), lane_numbers<W>());
+    for (const int end = std::min(g.levels, int(std::bit_width(unsigned(W))) - 1); level < end; ++level)
+      descend(bit_cast<vfloat<W>>(permute(top.x, node)), permute(top.y, node));
+  }
+  for (; level < g.levels; ++level) {
+    const TwoLanes<int32_t, W> n = gather_words<W, int(sizeof(CausticGuide::Node))>(g.nodes.data(), node);
+    descend(bit_cast<vfloat<W>>(n.x), n.y);
+  }
+  return node - vint<W>((1 << g.levels) - 1);
+}
+
 // Leaf of each lane, and the share of its scattered rays that follow it.
 template <int W>
 struct CausticLanes {
@@ -82,29 +109,38 @@ struct CausticLanes {
   // `response(w, width2)`: response of the surface to light from about w, relative to a white Lambert surface.
   template <class Response>
   CausticLanes(const CausticGuide& g, vbool<W> m, const vvec3<W>& p, Response response) : photons(g.leaf_photons) {
-    vint<W> node(0);
-    for (int level = 0; level < g.levels; ++level) {
-      const vint<W> axis = gather<W>(g.axis.data(), node);
-      const vfloat<W> x = select(axis == vint<W>(0), p.x, select(axis == vint<W>(1), p.y, p.z));
-      const vbool<W> upper = x >= gather<W>(g.split.data(), node);
-      node = node * vint<W>(2) + select(upper, vint<W>(2), vint<W>(1));
-    }
-    const vint<W> leaf = node - vint<W>((1 << g.levels) - 1);
-    const auto field = [&](int f) { return gather<W>(g.leaf.data() + f, leaf * vint<W>(kLeafFields)); };
-    const auto beyond = [&](vfloat<W> x, int k) { return max(max(field(kLow + k) - x, x - field(kHigh + k)), 0.0f); };
-    const vvec3<W> off{beyond(p.x, 0), beyond(p.y, 1), beyond(p.z, 2)};
-    const vfloat<W> near = 1.0f / (1.0f + dot(off, off) * field(kFade)), density = field(kDensity) * near * near;
+    const vint<W> leaf = caustic_leaf(g, p);
+    const vint<W> row = leaf * vint<W>(kLeafFields);
+    static_assert(kLow == 0 && kHigh == 3 && kFade == 6 && kDensity == 7 && kWidth2 == 8 && kReach2 == 9);
+    const FourLanes<float, W> front = gather_four<W>(g.leaf.data(), row), back = gather_four<W>(g.leaf.data() + 4, row);
+    const TwoLanes<float, W> lobes = gather_two<W>(g.leaf.data() + kWidth2, row);
+    const auto beyond = [](vfloat<W> x, vfloat<W> low, vfloat<W> high) { return max(max(low - x, x - high), 0.0f); };
+    const vvec3<W> off{beyond(p.x, front.x, front.w), beyond(p.y, front.y, back.x), beyond(p.z, front.z, back.y)};
+    const vfloat<W> near = 1.0f / (1.0f + dot(off, off) * back.z), density = back.w * near * near;
     share = vfloat<W>(0.0f);
     m &= density > vfloat<W>(kLeastDensity);
     if (!any(m)) return;
-    width2 = field(kWidth2);
-    const vfloat<W> reach2 = field(kReach2);
+    width2 = lobes.x;
+    const vfloat<W> reach2 = lobes.y;
+    // Where all lanes that need them have one leaf's photons, these are broadcast.
+    const int32_t first = leaf[__builtin_ctz(bits(m))];
+    const bool is_one_leaf = all((leaf == vint<W>(first)) | !m);
     vfloat<W> total(0.0f), sent(0.0f);
     for (int k = 0; k < photons; ++k) {
-      const float* photon = g.photons.data();
-      const vint<W> at = (leaf * vint<W>(photons) + vint<W>(k)) * vint<W>(kPhotonFields);
-      const FourLanes<float, W> a = gather_four<W>(photon, at), b = gather_four<W>(photon + 4, at);
-      const FourLanes<float, W> c = gather_four<W>(photon + 8, at), d = gather_four<W>(photon + 12, at);
+      FourLanes<float, W> a, b, c, d;
+      if (is_one_leaf) {
+        const float* const photon = &g.photons[size_t(first * photons + k) * kPhotonFields];
+        const auto four = [&](int i) {
+          return FourLanes<float, W>{vfloat<W>(photon[i]), vfloat<W>(photon[i + 1]), vfloat<W>(photon[i + 2]),
+                                     vfloat<W>(photon[i + 3])};
+        };
+        a = four(0), b = four(4), c = four(8), d = four(12);
+      } else {
+        const float* const photon = g.photons.data();
+        const vint<W> at = (leaf * vint<W>(photons) + vint<W>(k)) * vint<W>(kPhotonFields);
+        a = gather_four<W>(photon, at), b = gather_four<W>(photon + 4, at);
+        c = gather_four<W>(photon + 8, at), d = gather_four<W>(photon + 12, at);
+      }
       const vvec3<W> direction{a.x, a.y, a.z}, landing{a.w, b.x, b.y}, offset = p - landing;
       const vvec3<W> gradient[3] = {{b.z, b.w, c.x}, {c.y, c.z, c.w}, {d.x, d.y, d.z}};
       const vvec3<W> to = direction_seen(direction, offset, gradient);

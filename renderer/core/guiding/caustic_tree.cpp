@@ -128,7 +128,7 @@ struct Builder {
     if (found == axes + 3) found = std::find_if(axes, axes + 3, at_all);
     if (found == axes + 3) cut(*(found = axes), 0);
     const size_t axis = *found;
-    guide.axis[size_t(node)] = int(axis), guide.split[size_t(node)] = component(middle->landing, axis);
+    guide.nodes[size_t(node)] = {component(middle->landing, axis), int32_t(axis)};
     divide(2 * node + 1, level + 1, first, count / 2), divide(2 * node + 2, level + 1, first + count / 2, count - count / 2);
   }
 
@@ -176,7 +176,7 @@ void build_caustic_tree(std::vector<CausticPhoton>& photons, CausticGuide& guide
   const size_t leaves = size_t(1) << guide.levels, each = photons.size() >> guide.levels;
   photons.resize(leaves * each);
   guide.leaf_photons = int(each);
-  guide.axis.resize(leaves), guide.split.resize(leaves);
+  guide.nodes.resize(std::max(leaves, size_t(16)));  // vectors of the first nodes are read whole
   guide.photons.resize(kPhotonFields * photons.size()), guide.leaf.resize(leaves * kLeafFields);
   Builder builder{photons, guide};
   builder.divide(0, 0, 0, photons.size());
