@@ -303,7 +303,8 @@ PRIMRAY_INLINE vbool<W> cross_medium(Round& round, int at, vbool<W> active, vboo
   }
 
   // Sample the distance to the next scattering event
-  DistanceSample<W> step = sample_distance(medium, p.beta, end, u.u, u.v);
+  DistanceSample<W> step{};
+  if (any(may_scatter & !guided)) step = sample_distance(medium, p.beta, end, u.u, u.v);
   if (any(guided)) {
     const DistanceSample<W> s = walk.at(walk.draw(u.u, u.v), end, medium.scattering, p.beta);
     step.scatters = (guided & s.scatters) | (step.scatters & !guided);

@@ -42,9 +42,9 @@ PRIMRAY_RARE void end_rays(Round& round) {
     F t = draw_distance(medium, beta, u.u, u.v);
     if (const vbool<W> walks = ends & state.in_subsurface(); any(walks)) {
       const WalkGuide<W> guide = states.guide_at<W>(at);
-      const Rays<W> rays = pool.rays<W>(at);
-      const F guided = WalkDistance<W>(guide, medium, beta, rays.d).draw(u.u, u.v);
-      t = select(walks, select(guide.guides(), guided, max(t, guide.measured(medium))), t);
+      const vbool<W> guided = walks & guide.guides();
+      t = select(walks & !guided, max(t, guide.measured(medium)), t);
+      if (any(guided)) t = select(guided, WalkDistance<W>(guide, medium, beta, pool.rays<W>(at).d).draw(u.u, u.v), t);
     }
     // A little farther than the collision, so that no rounding hides a hit before it.
     const F end = max(t - state.origin_distance, 0.0f) * (1 + 0x1p-18f);
