@@ -224,7 +224,8 @@ def _box_of_balls(balls: Floats) -> tuple[Doubles, Doubles]:
     for first in range(0, len(balls), _BALLS):
         x, y, z, radii = balls[first : first + _BALLS].T.astype(np.float64)
         centres = np.stack([x, y, z])
-        low.append((centres - radii).min(axis=1)), high.append((centres + radii).max(axis=1))
+        low.append((centres - radii).min(axis=1))
+        high.append((centres + radii).max(axis=1))
     return np.min(low, axis=0), np.max(high, axis=0)
 
 
