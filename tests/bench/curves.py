@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.bench.figures.relmse import Pixels, Reference, agreement, load, reference_of, relmse
+from tests.bench.figures.relmse import Pixels, Reference, agreement, load, reference_of, relmse, trimmed_relmse
 
 from .peer_runs import digest, facts, run
 from .peers.installed import MOVING, OURS, RENDERERS, Renderer, installed, meant_for, reason_against
@@ -48,6 +48,7 @@ def measure(
                 for picture in rest:
                     pixels = load(picture.pop("path"))
                     picture["relmse"] = relmse(pixels, references[renderer.peer])
+                    picture["trimmed"] = trimmed_relmse(pixels, references[renderer.peer])
                     picture["mean"] = float(pixels.mean() / references[renderer.peer].pixels.mean() - 1)
                 best[renderer.name].append(pixels)
                 measured[renderer.name].append(_rounded({"first": first, "pictures": rest}))
@@ -93,14 +94,14 @@ def _rounded(value: Any) -> Any:
     return float(f"{value:.5g}") if isinstance(value, float) else value
 
 
-def medians(row: dict[str, Any]) -> list[tuple[int, float, float]]:
-    """Samples, seconds and relMSE of a renderer: the median over the rounds."""
+def medians(row: dict[str, Any], error: str = "relmse") -> list[tuple[int, float, float]]:
+    """Samples, seconds and relMSE, or its "trimmed" one, of a renderer: the median over the rounds."""
     by_samples: dict[int, list[dict[str, Any]]] = {}
     for each in row["rounds"]:
         for picture in each["pictures"]:
             by_samples.setdefault(picture["samples"], []).append(picture)
     return [
-        (samples, statistics.median(p["seconds"] for p in found), statistics.median(p["relmse"] for p in found))
+        (samples, statistics.median(p["seconds"] for p in found), statistics.median(p[error] for p in found))
         for samples, found in sorted(by_samples.items())
     ]
 

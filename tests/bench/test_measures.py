@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.bench.cores.ablation_rows import ROWS, Edit, Row
-from tests.bench.figures.relmse import agreement, reference_of, relmse, save, saved
+from tests.bench.figures.relmse import agreement, reference_of, relmse, save, saved, trimmed_relmse
 
 from . import __main__ as whole
 from .ablations import _worth, edited, with_earlier
@@ -38,6 +38,18 @@ def test_the_references_own_noise_is_subtracted(tmp_path):
     again = saved(tmp_path / "r.npz")
     assert again.samples == 256
     assert again.noise == pytest.approx(reference.noise, rel=1e-4)
+
+
+def test_a_trimmed_error_leaves_out_the_worst_pixels() -> None:
+    rng = np.random.default_rng(7)
+    truth = np.full((50, 40, 3), 2.0)
+    reference = reference_of([truth, truth], 64)
+    noisy = truth + rng.normal(0, 0.1, truth.shape)
+    rare = noisy.copy()
+    rare[3, :15] = 1e3
+    assert relmse(rare, reference) > 1e3 * relmse(noisy, reference)
+    assert trimmed_relmse(rare, reference) == pytest.approx(trimmed_relmse(noisy, reference), rel=0.05)
+    assert 0.9 * relmse(noisy, reference) < trimmed_relmse(noisy, reference) < relmse(noisy, reference)
 
 
 def test_more_pictures_make_a_reference_quieter():

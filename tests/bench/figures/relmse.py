@@ -12,6 +12,7 @@ import OpenImageIO as oiio
 
 Pixels = npt.NDArray[np.float64]  # (H, W, 3)
 DARK = 0.01
+WORST = 0.01  # of the pixels, that are left out of a trimmed error
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,18 @@ def relmse(picture: Pixels, reference: Reference) -> float:
     """Below zero only where the picture is as good as its reference, and chance has it so."""
     error = (picture - reference.pixels) ** 2 / (reference.pixels**2 + DARK)
     return float(error.mean()) - reference.noise
+
+
+def trimmed_relmse(picture: Pixels, reference: Reference, worst: float = WORST) -> float:
+    """relMSE without the worst share of the pixels, where rare bright paths lie: what most of the picture looks like."""
+    halves = (reference.halves[0] - reference.halves[1]) / 2
+    kept = [_best(difference, reference, worst) for difference in (picture - reference.pixels, halves)]
+    return kept[0] - kept[1]
+
+
+def _best(difference: Pixels, reference: Reference, worst: float) -> float:
+    errors = np.sort((difference**2 / (reference.pixels**2 + DARK)).mean(axis=2).ravel())
+    return float(errors[: max(1, round(len(errors) * (1 - worst)))].mean())
 
 
 def save(reference: Reference, path: Path) -> None:

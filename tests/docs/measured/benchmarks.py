@@ -62,12 +62,13 @@ SCENE_TEXT = {
     "flag": "A sheet of 28,800 triangles that waves over a ground, under a sky alone; 4 scatterings.",
 }
 CURVES_TEXT = """Seconds are those of the picture alone; set-up is below. Columns: samples a second; the most samples a pixel
-that were taken, with their error and efficiency; seconds to an error, interpolated between pictures, ~ where error times
-seconds was taken to stay the same beyond them; how that compares to ours; how far the picture's mean is from its reference's;
-how far that reference is from ours, by blocks of 8 x 8 pixels: renderers differ a little in what they
-make of a scene, and LuxCore's pictures are one pixel lower. The last four scenes move while the shutter is open, and mean the
-same to both that know motion: all are held against our reference, and "apart" is the mean of a renderer's last pictures, with
-their noise."""
+that were taken, with their error and efficiency, also without the worst hundredth of the pixels, where rare bright paths lie
+(with them, relMSE is that of rare paths alone, and converged pictures are not free of them either); seconds to an error,
+interpolated between pictures, ~ where error times seconds was taken to stay the same beyond them; how that compares to ours;
+how far the picture's mean is from its reference's; how far that reference is from ours, by blocks of 8 x 8 pixels: renderers
+differ a little in what they make of a scene, and LuxCore's pictures are one pixel lower. The last four scenes move while the
+shutter is open, and mean the same to both that know motion: all are held against our reference, and "apart" is the mean of a
+renderer's last pictures, with their noise."""
 EFFICIENCY_TEXT = """However long that takes, beside the peers that come near. By turns; ratios are the median and the range
 over the rounds."""
 FIRST_TEXT = """From the start of the process to a first picture of one sample at the scene's resolution, ours until the process

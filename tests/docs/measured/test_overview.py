@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from tests.bench.peers.scenes import SCENES
@@ -42,3 +43,14 @@ def test_both_vendors_are_drawn_and_what_is_missing_is_said() -> None:
     assert set(missing) == {"on Intel CPUs", "on AMD CPUs"}
     assert intel.scene not in missing["on AMD CPUs"].split(", ")
     assert "pool" in missing["on AMD CPUs"].split(", ")
+
+
+def test_of_both_leads_the_smaller_one_is_drawn() -> None:
+    def row(renderer: str, relmse: float, trimmed: float) -> dict[str, Any]:
+        pictures = [{"samples": 16, "seconds": 1.0, "relmse": relmse, "trimmed": trimmed}]
+        return {"renderer": renderer, "rounds": [{"pictures": pictures}]}
+
+    ours, rare, plain = row("primray", 0.02, 0.01), row("rare", 200.0, 0.05), row("plain", 0.2, 0.08)
+    assert benchmark_tables.trimmed_lead([ours, rare, plain]) == (pytest.approx(5.0), "rare")
+    del rare["rounds"][0]["pictures"][0]["trimmed"]
+    assert benchmark_tables.trimmed_lead([ours, rare, plain]) is None
