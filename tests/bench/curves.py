@@ -26,6 +26,7 @@ from .results import latest, write_results
 LADDER = (4, 16, 64, 256)
 ROUNDS = 2
 LIMIT_S = 10.0
+MOST_NOISE = 0.01  # relMSE of a converged picture that a trimmed error is taken against
 
 
 def measure(
@@ -48,7 +49,7 @@ def measure(
                 for picture in rest:
                     pixels = load(picture.pop("path"))
                     picture["relmse"] = relmse(pixels, references[renderer.peer])
-                    picture["trimmed"] = trimmed_relmse(pixels, references[renderer.peer])
+                    picture["trimmed"] = trimmed_relmse(pixels, _clean(references, renderer.peer))
                     picture["mean"] = float(pixels.mean() / references[renderer.peer].pixels.mean() - 1)
                 best[renderer.name].append(pixels)
                 measured[renderer.name].append(_rounded({"first": first, "pictures": rest}))
@@ -72,6 +73,12 @@ def measure(
         }
         for renderer in renderers
     ] + [{"renderer": r.name, "scene": scene, "left_out": why} for r in meant_for(scene) if (why := _left_out(r, scene))]
+
+
+def _clean(references: dict[str, Reference], peer: str) -> Reference:
+    """The peer's converged picture or, where that has rare bright pixels of its own, ours: else what it has hardly found yet
+    would not be missed."""
+    return references[peer] if references[peer].noise < MOST_NOISE else references.get(OURS, references[peer])
 
 
 def _own(reference: Reference, scene: str, renderer: Renderer, best: list[Pixels]) -> Reference:

@@ -1,4 +1,5 @@
-"""relMSE against a converged picture: mean over pixels and channels of (I - R)^2 / (R^2 + 0.01), less the reference's own."""
+"""relMSE against a converged picture: mean over pixels and channels of (I - R)^2 / (R^2 + d), less the reference's own; d is
+0.01, or the squared mean of a picture that is darker than that."""
 
 from __future__ import annotations
 
@@ -26,9 +27,15 @@ class Reference:
         return (self.halves[0] + self.halves[1]) / 2
 
     @property
+    def weights(self) -> Pixels:
+        """By which squared differences are divided."""
+        pixels = self.pixels
+        return pixels**2 + min(DARK, float(pixels.mean()) ** 2)
+
+    @property
     def noise(self) -> float:
         """Its own relMSE."""
-        return float((((self.halves[0] - self.halves[1]) / 2) ** 2 / (self.pixels**2 + DARK)).mean())
+        return float((((self.halves[0] - self.halves[1]) / 2) ** 2 / self.weights).mean())
 
     def with_more(self, more: Reference) -> Reference:
         share = more.samples / (self.samples + more.samples)
@@ -53,7 +60,7 @@ def reference_of(pictures: Sequence[Pixels], samples: int) -> Reference:
 
 def relmse(picture: Pixels, reference: Reference) -> float:
     """Below zero only where the picture is as good as its reference, and chance has it so."""
-    error = (picture - reference.pixels) ** 2 / (reference.pixels**2 + DARK)
+    error = (picture - reference.pixels) ** 2 / reference.weights
     return float(error.mean()) - reference.noise
 
 
@@ -65,7 +72,7 @@ def trimmed_relmse(picture: Pixels, reference: Reference, worst: float = WORST) 
 
 
 def _best(difference: Pixels, reference: Reference, worst: float) -> float:
-    errors = np.sort((difference**2 / (reference.pixels**2 + DARK)).mean(axis=2).ravel())
+    errors = np.sort((difference**2 / reference.weights).mean(axis=2).ravel())
     return float(errors[: max(1, round(len(errors) * (1 - worst)))].mean())
 
 

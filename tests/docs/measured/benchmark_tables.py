@@ -190,14 +190,26 @@ def trimmed_efficiency(row: dict[str, Any]) -> float | None:
     return 1 / (error * seconds) if error > 0 else None
 
 
-def trimmed_lead(rows: Rows) -> tuple[float, str] | None:
-    """Return our efficiency without the worst pixels over that of the best other renderer, and its name."""
+def trimmed_leads(rows: Rows) -> dict[str, float]:
+    """Return our efficiency without the worst pixels over that of each other renderer; empty where it was not measured."""
     if not has_trimmed(rows):
-        return None
+        return {}
     found = {row["renderer"]: trimmed_efficiency(row) for row in measured(rows)}
     own = found.pop(OURS, None)
-    others = [(own / each, name) for name, each in found.items() if own and each]
-    return min(others) if others else None
+    return {name: own / each for name, each in found.items() if own and each}
+
+
+def trimmed_lead(rows: Rows) -> tuple[float, str] | None:
+    """Return the least of these, and that renderer's name."""
+    return min(((ratio, name) for name, ratio in trimmed_leads(rows).items()), default=None)
+
+
+def leads_of(scene: str, rows: Rows) -> list[tuple[float, str]]:
+    """Return how many times our seconds to the scene's error each other renderer takes; where that is less, the lead without
+    the worst pixels: where rare bright paths rule an error, it is that of a few pixels."""
+    own, others = times_to_target(scene, rows)
+    trimmed = trimmed_leads(rows)
+    return [] if own is None else [(min(seconds / own, trimmed.get(name, seconds / own)), name) for seconds, name in others]
 
 
 def curves_lost(scene: str, rows: Rows) -> Iterator[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from tests.bench.results import latest
-from tests.docs.measured.benchmark_tables import AHEAD, times_to_target, trimmed_lead
+from tests.docs.measured.benchmark_tables import AHEAD, leads_of
 
 from .charts import COLORS, Axis, rule, text
 
@@ -45,11 +45,10 @@ def _lead(scene: str, vendor: str) -> Lead | None:
     newest = latest(f"curve-{scene}", cpu=vendor)
     if newest is None:
         return None
-    own, others = times_to_target(scene, newest["rows"])
-    if own is None or not others:
+    leads = leads_of(scene, newest["rows"])
+    if not leads:
         return None
-    seconds, peer = min(others)
-    ratio, peer = min((seconds / own, peer), trimmed_lead(newest["rows"]) or (seconds / own, peer))
+    ratio, peer = min(leads)
     return Lead(scene, vendor, ratio, peer, newest["date"])
 
 

@@ -11,7 +11,7 @@ from tests.bench.peers.scenes import SCENES
 from tests.bench.results import latest
 from tests.statistics.errors.calibration import ROUGH
 
-from .benchmark_tables import OURS, TARGETS, measured, seconds_to, spread, table
+from .benchmark_tables import leads_of, spread, table
 
 ROOT = Path(__file__).resolve().parents[3]
 README = ROOT / "README.md"
@@ -22,19 +22,18 @@ COVERAGE = json.loads((ROOT / "tests/bench/results/error-coverage.json").read_te
 
 
 def times_as_long() -> dict[str, list[float]]:
-    """By peer, for each scene that it was measured on: seconds of its best variant to the scene's target, over primray's."""
+    """By peer, for each scene that it was measured on: seconds of its best variant to the scene's target, over primray's; or
+    the lead without the worst pixels, where that is less."""
     found = defaultdict(list)
     for scene in SCENES:
         kept = latest(f"curve-{scene}")
         if kept is None:
             continue
-        seconds = defaultdict(list)
-        for row in measured(kept["rows"]):
-            if reached := seconds_to(row, TARGETS[scene]):
-                seconds[row["renderer"].partition("-")[0]].append(reached[0])
-        for peer, theirs in seconds.items():
-            if peer != OURS:
-                found[peer].append(min(theirs) / min(seconds[OURS]))
+        ratios = defaultdict(list)
+        for ratio, renderer in leads_of(scene, kept["rows"]):
+            ratios[renderer.partition("-")[0]].append(ratio)
+        for peer, theirs in ratios.items():
+            found[peer].append(min(theirs))
     return dict(sorted(found.items()))
 
 
