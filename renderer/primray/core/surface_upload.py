@@ -233,9 +233,10 @@ class SurfaceUpload:
         """
         if kept is None:
             self._add_images(self._numbers)
-        elif isinstance(self._builder, compiled.SceneBuilder):
-            builder = self._builder
-            self.add_read_images({key: n for key, n in self._numbers.items() if not kept.give(builder, key, n)}, kept.read)
+            return
+        builder = self._builder
+        assert isinstance(builder, compiled.SceneBuilder)
+        self.add_read_images({key: n for key, n in self._numbers.items() if not kept.give(builder, key, n)}, kept.read)
 
     def add_read_images(self, wanted: Mapping[TextureKey, int], read: ReadFiles) -> None:
         """Add the images of these textures from files that are read now."""

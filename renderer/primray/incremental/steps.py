@@ -20,12 +20,11 @@ from ..description import SceneDescription, TextureFile, TextureInput, Wrap
 from ..description.shading import pattern_files
 from ..diagnostics import Diagnostic, Diagnostics
 from ..process_memory import machine_bytes, resident_bytes
-from ..render.prepare import Steps, Textures, image_sizes
+from ..render.prepare import Steps, Textures, image_sizes, read_files
 from ..report.summary import ImageSize
 from ..settings import DefaultWrap, Filter, RenderSettings, rows
-from ..textures.coverage import note_missing_tiles, note_textures_outside
 from ..textures.texture import Texture
-from ..textures.texture_set import LoadedFile, load_files, with_read_textures
+from ..textures.texture_set import LoadedFile, images_of, load_files, with_read_textures
 
 if TYPE_CHECKING:
     from ..core import CoreScene
@@ -139,7 +138,7 @@ class CachedSteps(Steps):
         if loaded is None or not missing:
             return {}
         found = load_files(loaded.given, read_asset, Wrap(loaded.default_wrap.value), only=missing)
-        return {file: one.images for file, one in found.items() if one.images}
+        return images_of(found)
 
     def fingerprint(self, description: SceneDescription, textures: Textures) -> dict[str, str]:
         kept, self._digests = self._digests, None
@@ -246,7 +245,7 @@ class LoadedTextures:
     @property
     def sizes(self) -> Textures:
         """Return all that could be read; texels are there of lights alone."""
-        return {file: list(one.images) for file, one in self.files.items() if one.images}
+        return images_of(self.files)
 
     @property
     def of_lights(self) -> Textures:
@@ -285,12 +284,8 @@ def load(
     Diagnostics are kept, not reported; `heard` only decides how they name files.
     """
     read_diagnostics, light_diagnostics = Diagnostics(heard.shown), Diagnostics(heard.shown)
-    found = load_files(description, read_asset, Wrap(default_wrap.value), heard.shown, known)
-    for one in found.values():
-        read_diagnostics.extend(one.told)
-    textures = {file: one.images for file, one in found.items() if one.images}
-    note_textures_outside(description, textures, read_diagnostics)
-    note_missing_tiles(description, read_diagnostics)
+    found = read_files(description, read_diagnostics, read_asset, Wrap(default_wrap.value), known)
+    textures = images_of(found)
     made = replace(description, lights=with_read_textures(description.lights, textures, light_diagnostics))
     lit, sizes = _light_files(description), dict[int, Texture]()
     fresh = frozenset(file for file, one in found.items() if one is not known.get(file))

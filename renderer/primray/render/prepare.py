@@ -8,8 +8,9 @@ Expensive modules are imported when a render starts; importing this module is ch
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from .. import process_memory
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from ..report.summary import ImageSize
     from ..tessellation.dice import DicedShape
     from ..textures.texture import Texture
+    from ..textures.texture_set import LoadedFile
 
 
 DENOISING_PIXEL_BYTES = 1000  # Open Image Denoise and the two half pictures, rounded up from measurements
@@ -375,23 +377,30 @@ def load_textures(
     Domes whose texture cannot be read are removed; each unreadable file is a diagnostic.
     """
     from ..description import Wrap
-    from ..textures.texture_set import with_read_textures
+    from ..textures.texture_set import images_of, with_read_textures
 
-    textures = read_textures(description, diagnostics, read, Wrap(default_wrap.value))
+    textures = images_of(read_files(description, diagnostics, read, Wrap(default_wrap.value)))
     return replace(description, lights=with_read_textures(description.lights, textures, diagnostics)), textures
 
 
-def read_textures(
-    description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None, default_wrap: Wrap
-) -> Textures:
-    """Return the images only, with diagnostics about them."""
+def read_files(
+    description: SceneDescription,
+    diagnostics: Diagnostics,
+    read: Callable[[str], bytes] | None,
+    default_wrap: Wrap,
+    known: Mapping[TextureFile, LoadedFile] = MappingProxyType({}),
+) -> dict[TextureFile, LoadedFile]:
+    """Return what the description's files gave, with diagnostics about them; those in `known` that have the same readers are
+    not read again."""
     from ..textures.coverage import note_missing_tiles, note_textures_outside
-    from ..textures.texture_set import load_texture_set
+    from ..textures.texture_set import images_of, load_files
 
-    textures = load_texture_set(description, diagnostics, read, default_wrap)
-    note_textures_outside(description, textures, diagnostics)
+    files = load_files(description, read, default_wrap, diagnostics.shown, known)
+    for one in files.values():
+        diagnostics.extend(one.told)
+    note_textures_outside(description, images_of(files), diagnostics)
     note_missing_tiles(description, diagnostics)
-    return textures
+    return files
 
 
 def image_sizes(textures: Textures) -> list[ImageSize]:

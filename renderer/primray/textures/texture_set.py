@@ -42,19 +42,6 @@ class Use:
     surface: str = ""
 
 
-def load_texture_set(
-    description: SceneDescription, diagnostics: Diagnostics, read: ReadAsset | None, default_wrap: Wrap = Wrap.BLACK
-) -> TextureSet:
-    """Return the images of all readable files with their tile numbers, or 0.
-
-    Files that name no wrap mode get `default_wrap`.
-    """
-    found = load_files(description, read, default_wrap, diagnostics.shown)
-    for one in found.values():
-        diagnostics.extend(one.told)
-    return {file: one.images for file, one in found.items() if one.images}
-
-
 @dataclass(frozen=True)
 class LoadedFile:
     """What loading a file gave, which depends on the file and on its readers alone."""
@@ -70,6 +57,11 @@ class LoadedFile:
         return replace(self, images=images)
 
 
+def images_of(files: Mapping[TextureFile, LoadedFile]) -> TextureSet:
+    """Return the images of the files that could be read."""
+    return {file: one.images for file, one in files.items() if one.images}
+
+
 def load_files(
     description: SceneDescription,
     read: ReadAsset | None,
@@ -80,7 +72,8 @@ def load_files(
 ) -> dict[TextureFile, LoadedFile]:
     """Return the description's files, or `only` some of them, in the order in which it reads them.
 
-    Files in `known` that have the same readers are not read again. `shown` rewrites messages.
+    Files that name no wrap mode get `default_wrap`. Files in `known` that have the same readers are not read again. `shown`
+    rewrites messages.
     """
     uses = _uses(description)
     same = _alpha_elsewhere(uses)

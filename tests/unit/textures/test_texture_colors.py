@@ -18,7 +18,8 @@ from primray.color.color_space import ACESCG, REC709, SRGB, ColorSpace, matrix, 
 from primray.description import Light, LightType, SceneDescription, TextureFile
 from primray.diagnostics import Diagnostics
 from primray.textures.texture import Texture, load_texture
-from primray.textures.texture_set import load_texture_set
+
+from .loading import load_texture_set
 
 TO_AP1 = between(PUBLISHED, AP1)
 CODES = np.random.default_rng(3).integers(0, 256, (7, 5, 4), np.uint8)

@@ -13,9 +13,9 @@ from primray.description import PrimvarInput, SceneDescription, Surface, Texture
 from primray.diagnostics import Diagnostics
 from primray.render import load_textures
 from primray.textures import texture, texture_set
-from primray.textures.texture_set import load_texture_set
 
 from ..conftest import make_description, make_dome
+from .loading import load_texture_set
 
 ST = PrimvarInput("st", (0.0, 0.0))
 

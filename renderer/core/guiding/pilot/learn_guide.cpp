@@ -445,7 +445,6 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
       }
       guide = learnt.empty() ? nullptr : learnt.build(in_media);
       if (!guide) return;
-      // Compare with what the picture's error calls for
       const bool decides = pass + 1 >= kFirstPasses;
       cost = comparison.judge(scene, settings, task, *guide, decides);
       if (guide->has_media && (decides || !(cost < kHopeless))) {

@@ -30,10 +30,9 @@ def place_camera(stage: Usd.Stage, world_from_camera: Doubles, like: Camera, zoo
     prim = stage.GetPrimAtPath(PATH)
     if not prim or prim.GetCustomDataByKey("like") != like.path:
         prim = _define_camera(stage, like)
-    with Usd.EditContext(stage, stage.GetSessionLayer()), Sdf.ChangeBlock():
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
         prim.GetAttribute(_OP).Set(Gf.Matrix4d(world_from_camera.T.tolist()))
         prim.GetAttribute(NEAREST).Set(nearest)
-    with Usd.EditContext(stage, stage.GetSessionLayer()):
         if zoom != 1.0 or prim.GetCustomDataByKey("zoomed"):
             _zoom(prim, like, zoom)
     return PATH
