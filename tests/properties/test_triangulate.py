@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from primray.tessellation.ear_clip import ear_clip
-from primray.usd.mesh.triangulate import fan_of, reversed_triangles, triangulate
+from primray.usd.mesh.triangulate import reversed_triangles, triangulate
 
 
 def simple_polygon(rng: np.random.Generator, n: int, kind: str) -> np.ndarray:
@@ -101,23 +101,3 @@ def test_concave_quad_at_every_corner(reflex: int) -> None:
     z = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])[:, 2]
     assert (z > 0).all()
     assert z.sum() / 2 == pytest.approx(signed_area(dart[:, :2]))
-
-
-@pytest.mark.parametrize("n", [3, 4])
-def test_a_fan_that_fits_is_what_triangulate_gives(n: int) -> None:
-    """Also among reflex, flat and folded faces, of which no fan may claim to be right."""
-    rng = np.random.default_rng(n)
-    fitted = 0
-    for trial in range(400):
-        points = rng.integers(0, 3, (8, 3)).astype(np.float32)
-        points[:, 2] *= trial % 2  # half of them flat, where corners in line and equal points abound
-        indices = np.concatenate([rng.permutation(8)[:n] for _ in range(1 + trial % 3)]).astype(np.int32)
-        counts = np.full(1 + trial % 3, n, np.int32)
-        fan = fan_of(counts, indices)
-        assert fan is not None
-        if fan.fits(points):
-            fitted += 1
-            true = triangulate(points, counts, indices)
-            for name in ("points", "corners", "faces"):
-                np.testing.assert_array_equal(getattr(fan.triangles, name), getattr(true, name))
-    assert 20 < fitted < 380

@@ -62,6 +62,7 @@ void bind_film(nb::module_& m);
 void bind_render(nb::module_& m);
 void bind_first_hit(nb::module_& m);
 void bind_subdivision(nb::module_& m);
+void bind_polygons(nb::module_& m);
 void bind_testing(nb::module_& m);
 void bind_caustics(nb::module_& m, nb::module_& testing);
 void bind_math(nb::module_& m);         // submodule testing

@@ -47,6 +47,7 @@ NB_MODULE(PRIMRAY_MODULE, m) {
   bind_render(m);
   bind_first_hit(m);
   bind_subdivision(m);
+  bind_polygons(m);
   nb::module_ testing = m.def_submodule("testing", "Array versions of the kernels' functions, for the tests.");
   bind_testing(testing);
   bind_caustics(m, testing);

@@ -1255,6 +1255,23 @@ class DicedCage:
 
 def dice(cage: dict[str, object]) -> DicedCage | None: ...
 def estimated_triangles(cage: dict[str, object]) -> int: ...
+def triangulate(
+    points: NDArray[numpy.float32],
+    counts: NDArray[numpy.int32],
+    indices: NDArray[numpy.int32],
+    keep: NDArray[numpy.bool_] | None = None,
+) -> (
+    tuple[
+        Annotated[NDArray[numpy.int32], {"shape": (None, None)}],
+        Annotated[NDArray[numpy.int32], {"shape": (None, None)}],
+        Annotated[NDArray[numpy.int32], {"shape": (None,)}],
+        int,
+    ]
+    | None
+):
+    """
+    Triangulate polygonal faces as primray/usd/mesh/triangulate.py does; None if some have to be left out.
+    """
 
 class CausticGuide:
     @property

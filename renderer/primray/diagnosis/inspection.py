@@ -34,6 +34,7 @@ def inspect(
 def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> tuple[dict[str, Any], Diagnostics]:
     """Return the facts, and the diagnostics that they list."""
     from .. import usd
+    from ..core import compiled
     from ..render.prepare import open_once, with_additions, with_stage_settings
     from ..report.summary import counts, motion_facts, primvar_names, summary, texture_sizes, volume_facts
     from ..textures.coverage import note_missing_tiles
@@ -41,7 +42,7 @@ def facts_of(scene: str | os.PathLike[str] | Any, settings: RenderSettings) -> t
 
     opened = open_once(scene, settings)
     stage, diagnostics = opened.stage, opened.diagnostics
-    description, translating = usd.translate(stage, settings)
+    description, translating = usd.translate(stage, settings, compiled.triangulate)
     diagnostics.extend(translating)
     settings, taken = with_stage_settings(settings, description.asked, diagnostics)
     description = with_additions(description, settings, diagnostics)

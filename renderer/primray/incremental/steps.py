@@ -67,11 +67,12 @@ class CachedSteps(Steps):
     """Steps of one stage; `changes` are those that its translation has not taken yet."""
 
     def __init__(self) -> None:
+        from ..core import compiled
         from ..usd.incremental import Changes, KeptTranslation
 
         self.changes = Changes()
         self._is_whole = True
-        self._translation = KeptTranslation()
+        self._translation = KeptTranslation(compiled.triangulate)
         self.forget()
 
     def forget(self) -> None:

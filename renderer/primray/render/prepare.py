@@ -306,8 +306,9 @@ class Steps:
 
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
         from .. import usd
+        from ..core import compiled
 
-        return usd.translate(stage, settings)
+        return usd.translate(stage, settings, compiled.triangulate)
 
     def load_textures(
         self, description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings

@@ -18,6 +18,7 @@ from .camera.shutter import Shutter, motion_vector_shutter, render_timing, repor
 from .camera.view import cameras_in_instances, estimate_view_through, exposure_times, select_camera
 from .lights.light_groups import light_groups
 from .materials.material_primvars import primvars_read
+from .mesh.triangulate import Triangulator, triangulated
 from .render_settings.outputs import outputs_of
 from .render_settings.render_pass import report_ignored_render_pass
 from .render_settings.render_product import ProductSettings
@@ -104,7 +105,11 @@ class ViewSetup:
 
 
 def set_up_view(
-    searched: SearchedStage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]
+    searched: SearchedStage,
+    settings: RenderSettings,
+    diagnostics: Diagnostics,
+    names: dict[str, str],
+    triangulator: Triangulator = triangulated,
 ) -> ViewSetup:
     """Return the view of a stage; `names` will hold the first instances of native prototypes."""
     stage, found, when = searched.stage, searched.found, searched.when
@@ -120,6 +125,7 @@ def set_up_view(
         material_purposes=product.material_purposes,
         diagnostics=diagnostics,
         prototype_names=names,
+        triangulate=triangulator,
     )
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
     aovs, file = outputs_of(product, settings, diagnostics)

@@ -15,6 +15,7 @@ from ...diagnostics import Diagnostic, Diagnostics
 from ...errors import PrimrayError
 from ...process_memory import without_collection
 from ...settings import RenderSettings
+from ..mesh.triangulate import Triangulator, triangulated
 from ..scene.context import Context
 from ..scene.translated_scene import Record, TranslatedScene
 from ..stage.messages import file_names
@@ -58,8 +59,9 @@ class KeptTranslation:
     """Translation of one stage that survives edits. Some kinds of edits are understood; after any other everything is
     redone."""
 
-    def __init__(self) -> None:
+    def __init__(self, triangulator: Triangulator = triangulated) -> None:
         self._made: Translated | None = None
+        self._triangulator = triangulator
 
     def translate(self, stage: Usd.Stage, settings: RenderSettings, changes: Changes) -> tuple[SceneDescription, Diagnostics]:
         """Return the translation; unchanged parts of the description are the same objects as before, and so is a whole one."""
@@ -68,13 +70,13 @@ class KeptTranslation:
             self._made = made
             return made.description, made.diagnostics
         if made is not None and not changes.others:
-            made = _updated(made, stage, settings, changes)
+            made = _updated(made, stage, settings, changes, self._triangulator)
             if made is not None:
                 self._made = made
                 return made.description, made.diagnostics
-        self._made = _translated_recorded(stage, settings)
+        self._made = _translated_recorded(stage, settings, self._triangulator)
         if self._made is None:
-            return translate(stage, settings)
+            return translate(stage, settings, self._triangulator)
         return self._made.description, self._made.diagnostics
 
     def forget(self) -> None:
@@ -100,7 +102,7 @@ def _texture_files(description: SceneDescription) -> Iterator[TextureFile]:
         yield from pattern_files(surface.pattern) if surface.pattern is not None else ()
 
 
-def _translated_recorded(stage: Usd.Stage, settings: RenderSettings) -> Translated | None:
+def _translated_recorded(stage: Usd.Stage, settings: RenderSettings, triangulator: Triangulator) -> Translated | None:
     """Return a complete, recorded translation; None for stages of which no part could be kept."""
     if settings.render_pass is not None:
         return None
@@ -110,7 +112,7 @@ def _translated_recorded(stage: Usd.Stage, settings: RenderSettings) -> Translat
         if may_be_edited(searched):
             return None
         counts = [len(diagnostics)]
-        begun = set_up_view(searched, settings, diagnostics, names)
+        begun = set_up_view(searched, settings, diagnostics, names, triangulator)
         counts.append(len(diagnostics))
         assembled = assemble(begun.ctx, Record(is_on=True))
         counts += [assembled.scene.record.told, len(diagnostics)]
@@ -146,13 +148,15 @@ def _copied(scene: TranslatedScene) -> TranslatedScene:
     )
 
 
-def _updated(made: Translated, stage: Usd.Stage, settings: RenderSettings, changes: Changes) -> Translated | None:
+def _updated(
+    made: Translated, stage: Usd.Stage, settings: RenderSettings, changes: Changes, triangulator: Triangulator
+) -> Translated | None:
     """Return the translation with what has changed redone; None where that is not known. `made` is invalid afterwards."""
     try:
         if _survives_no_edit(made, settings):
             raise UnknownEffect
         when = _when(made, stage, settings, changes)
-        return _patched(made, stage, settings, when, _edited(made, stage, settings, changes))
+        return _patched(made, stage, settings, when, _edited(made, stage, settings, changes), triangulator)
     except (UnknownEffect, PrimrayError):  # a complete translation reports the same
         return None
 
@@ -211,11 +215,19 @@ def _walked_by(ctx: Context) -> tuple[object, ...]:
     )
 
 
-def _patched(made: Translated, stage: Usd.Stage, settings: RenderSettings, when: When, edited: set[Sdf.Path]) -> Translated:
+def _patched(
+    made: Translated,
+    stage: Usd.Stage,
+    settings: RenderSettings,
+    when: When,
+    edited: set[Sdf.Path],
+    triangulator: Triangulator,
+) -> Translated:
     diagnostics = Diagnostics(file_names(stage).in_text)
     with usd_messages(diagnostics), without_collection():
         diagnostics.extend(made.found_diagnostics)
-        begun = set_up_view(SearchedStage(stage, made.found, when), settings, diagnostics, made.names)
+        searched = SearchedStage(stage, made.found, when)
+        begun = set_up_view(searched, settings, diagnostics, made.names, triangulator)
         if _walked_by(begun.ctx) != _walked_by(made.begun.ctx):
             raise UnknownEffect
         assembled = _updated_assembly(made, begun, edited)

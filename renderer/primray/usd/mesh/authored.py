@@ -24,6 +24,7 @@ from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
 from ..stage.reads import normals_interpolation
 from ..stage.values import When, array, read, token, value
+from .triangulate import LARGEST
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -140,7 +141,6 @@ def _integers(prim: ResolvedPrim, name: str, when: When) -> Ints | None:
 Flags = npt.NDArray[np.bool_]
 
 
-LARGEST = np.float32(1e37)  # largest coordinate: sums of a few, as subdivision makes them, stay finite
 SHARED_CORNERS = 1024  # meshes with more corners are rarely alike, and hashing them costs too much
 
 

@@ -18,8 +18,8 @@ from ...description import Interpolation, Mesh, PointMotion
 from ...description import Primvar as SeamPrimvar
 from ..primvars.reading import Primvar, Sizes, checked_vectors, is_per_point, per_corner
 from ..scene.context import Context
-from .authored import AuthoredMesh, Faces, Flags, SurfaceElements, Topology, usable_faces, without_holes
-from .triangulate import Fan, Triangles, cross, fan_of, paired_triangles, reversed_triangles, triangulate
+from .authored import AuthoredMesh, SurfaceElements, Topology, usable_faces, without_holes
+from .triangulate import Triangles, cross, paired_triangles, reversed_triangles
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,6 @@ def make_polygons(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> Polyg
     points, triangles = _triangulated(mesh, topology, ctx)
     if len(triangles.faces) == 0:
         return None
-    triangles = paired_triangles(reversed_triangles(triangles) if mesh.is_left_handed else triangles)
     sizes = topology.sizes
     normals = normals_of(mesh, points, triangles, sizes, ctx)
     return Polygons(points, triangles, normals, sizes, tets=mesh.tets)
@@ -49,40 +48,37 @@ def normals_of(mesh: AuthoredMesh, points: Floats, triangles: Triangles, sizes: 
 
 
 def _triangulated(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> tuple[Floats, Triangles]:
-    """Return points and triangles. Small meshes that are simple fans share one object with all meshes alike."""
+    """Return points and oriented triangles. Small meshes with all of their faces share both with all meshes alike."""
     faces = topology.faces
-    fan = _fan(faces) if mesh.holes is None else None
-    key = b"" if fan is None else topology.points.tobytes()
-    if fan is not None and key in faces.made:
-        return faces.made[key], fan.triangles
-    points, usable = usable_faces(topology, mesh.path, ctx, mesh.face_indices)
-    if fan is not None and usable is None and fan.fits(points):
-        faces.made[key] = np.frombuffer(key, points.dtype).reshape(points.shape)  # these bytes are kept in any case
-        return faces.made[key], fan.triangles
-    keep = without_holes(usable, mesh, len(faces.counts), ctx)
-    triangles = triangulate(points, faces.counts, faces.indices, keep)
-    _note_degenerate(mesh.path, keep, triangles, faces.counts, ctx)
+    is_shared = faces.is_shared and mesh.holes is None
+    key = (topology.points.tobytes() if is_shared else b"", mesh.is_left_handed)
+    if is_shared and key in faces.made:
+        known: tuple[Floats, Triangles] = faces.made[key]
+        return known
+    points, keep = topology.points, None
+    found = None if mesh.holes is not None else ctx.triangulate(points, faces.counts, faces.indices, None)
+    if found is None:
+        points, usable = usable_faces(topology, mesh.path, ctx, mesh.face_indices)
+        keep = without_holes(usable, mesh, len(faces.counts), ctx)
+        found = ctx.triangulate(points, faces.counts, faces.indices, keep)
+        assert found is not None
+    made, corners, of_faces, lost = found
+    if lost:
+        message = f"{lost} of {len(faces.counts)} faces have no area: they are left out."
+        ctx.warn("faces-degenerate", mesh.path, message)
+    if not is_shared or keep is not None or lost:
+        return points, _oriented(Triangles(made, corners, of_faces), mesh)
+    alike = ("corners", corners.tobytes(), mesh.is_left_handed)
+    triangles: Triangles | None = faces.made.get(alike)
+    if triangles is None:
+        triangles = faces.made[alike] = _oriented(Triangles(made, corners, of_faces), mesh)
+    points = np.frombuffer(key[0], points.dtype).reshape(points.shape)  # these bytes are kept in any case
+    faces.made[key] = points, triangles
     return points, triangles
 
 
-def _fan(faces: Faces) -> Fan | None:
-    """Return the faces as a triangle fan, or None; computed once for all meshes that share the faces."""
-    if not faces.is_shared:
-        return None
-    if "fan" not in faces.made:
-        faces.made["fan"] = fan_of(faces.counts, faces.indices)
-    found: Fan | None = faces.made["fan"]
-    return found
-
-
-def _note_degenerate(path: str, keep: Flags | None, triangles: Triangles, counts: Ints, ctx: Context) -> None:
-    """Report how many faces have no area at all; degenerate triangles within a face are not reported."""
-    wanted = len(counts) if keep is None else int(keep.sum())
-    if len(triangles.faces) >= int((counts if keep is None else counts[keep]).sum()) - 2 * wanted:
-        return
-    lost = wanted - len(np.unique(triangles.faces))
-    if lost:
-        ctx.warn("faces-degenerate", path, f"{lost} of {len(counts)} faces have no area: they are left out.")
+def _oriented(triangles: Triangles, mesh: AuthoredMesh) -> Triangles:
+    return paired_triangles(reversed_triangles(triangles) if mesh.is_left_handed else triangles)
 
 
 def shading_normals(normals: Primvar, points: Floats, triangles: Triangles) -> Values:

@@ -9,13 +9,14 @@ row, or all first halves before all second halves. Other orders are left unchang
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ...arrays import Doubles, Ints
+from ...arrays import Doubles, Floats, Ints
 from ...description.geometry import FEWEST_PAIRED_TRIANGLES
 from ...tessellation.ear_clip import ear_clip
 
@@ -23,7 +24,6 @@ Mask = npt.NDArray[np.bool_]
 Points = npt.NDArray[np.floating]
 BLOCK = 1 << 12
 _NEXT, _BEFORE = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
-_BEFORE_OF_3, _XYZXY = np.array([2, 0, 1]), np.array([0, 1, 2, 0, 1])
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,29 @@ class Triangles:
     points: Ints  # (T, 3) point indices
     corners: Ints  # (T, 3) indices into the mesh's faceVertexIndices, for values per corner
     faces: Ints  # (T,) face indices, ascending, for values per face
+
+
+LARGEST = np.float32(1e37)  # largest coordinate: sums of a few, as subdivision makes them, stay finite
+
+# Triangulates polygons: from points, counts, indices and the mask of faces to keep, as `triangulate` has them, to the points
+# (T, 3), corners (T, 3) and faces (T,) of triangles, and the number of kept faces without any. None where not all faces can be
+# kept and no mask says which: they have at least three vertices, all in range, and all points are finite. The compiled core has
+# one.
+Triangulator = Callable[[Floats, Ints, Ints, Mask | None], tuple[Ints, Ints, Ints, int] | None]
+
+
+def triangulated(points: Floats, counts: Ints, indices: Ints, keep: Mask | None) -> tuple[Ints, Ints, Ints, int] | None:
+    """Triangulate polygons without the compiled core."""
+    if keep is None and not _are_usable(points, counts, indices):
+        return None
+    found = triangulate(points, counts, indices, keep)
+    kept = len(counts) if keep is None else int(keep.sum())
+    return found.points, found.corners, found.faces, kept - len(np.unique(found.faces))
+
+
+def _are_usable(points: Floats, counts: Ints, indices: Ints) -> bool:
+    in_range = bool(((indices >= 0) & (indices < len(points))).all())
+    return in_range and bool((counts >= 3).all()) and bool((np.abs(points) <= LARGEST).all())
 
 
 def triangulate(points: Points, counts: Ints, indices: Ints, keep: Mask | None = None) -> Triangles:
@@ -56,39 +79,6 @@ def triangulate(points: Points, counts: Ints, indices: Ints, keep: Mask | None =
     owners = np.concatenate([owner for _, owner, _ in parts])
     order = np.argsort(owners, kind="stable")
     return _solid_triangles(points, indices, np.concatenate([corner for corner, _, _ in parts])[order], owners[order], False)
-
-
-@dataclass(frozen=True, eq=False)
-class Fan:
-    """Triangle fans of faces that all have 3 or all have 4 vertices; for quads they are correct only if every corner is
-    convex."""
-
-    triangles: Triangles
-    corners: npt.NDArray[np.intp]  # (F, 3 or 4) point indices
-    following: npt.NDArray[np.intp]  # index of the point after each corner
-
-    def fits(self, points: Points) -> bool:
-        """Return whether triangulate() would give these triangles for the points. False where rounding might decide."""
-        p = points.T.take(_XYZXY, axis=0).astype(np.float64)  # optimised for few numpy calls, not few operations
-        edge = p.take(self.following, axis=1) - p.take(self.corners, axis=1)
-        before = edge.take(_BEFORE if edge.shape[2] == 4 else _BEFORE_OF_3, axis=2)
-        own = before[1:4] * edge[2:] - before[2:] * edge[1:4]
-        if edge.shape[2] == 3:
-            return bool(own.any(axis=0).all())
-        normal = own[:, :, 1:2] + own[:, :, 3:]
-        return bool(((own * normal).sum(axis=0) > 2e-12 * (normal * normal).sum(axis=0)).all())
-
-
-def fan_of(counts: Ints, indices: Ints) -> Fan | None:
-    """Return the fan, or None if the faces are not all triangles or all quads."""
-    n = int(counts[0])
-    if n not in (3, 4) or (counts != n).any():
-        return None
-    corners = np.arange(len(indices), dtype=np.int32).reshape(-1, n)
-    fans = corners if n == 3 else _fans(corners)
-    faces = np.repeat(np.arange(len(counts), dtype=np.int32), n - 2)
-    points = indices.reshape(-1, n).astype(np.intp)
-    return Fan(Triangles(indices[fans].astype(np.int32, copy=False), fans, faces), points, np.roll(points, -1, axis=1))
 
 
 def reversed_triangles(triangles: Triangles) -> Triangles:

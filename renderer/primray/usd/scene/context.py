@@ -17,6 +17,7 @@ from ...diagnostics import Diagnostic, Diagnostics
 from ...settings import RenderSettings
 from ...textures.ies import IesFile
 from ..lights.light_groups import NO_GROUPS, LightGroups
+from ..mesh.triangulate import Triangulator, triangulated
 from ..motion.timing import AT_FRAME, UNSEEN, Foreseen, Timing
 from ..shapes.tessellate import Tessellated
 from ..stage.values import When
@@ -147,6 +148,7 @@ class Context:
     outer_colors: OuterColors = ()  # by prototype, around the material being translated
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance, in order of discovery
     surfaces: SurfaceTable = field(default_factory=SurfaceTable)
+    triangulate: Triangulator = triangulated
     caches: TranslationCaches = field(default_factory=TranslationCaches)
     findings: Findings = field(default_factory=Findings)
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from primray.description.geometry import FEWEST_PAIRED_TRIANGLES, is_paired
-from primray.usd.mesh.triangulate import Triangles, fan_of, paired_triangles, reversed_triangles
+from primray.usd.mesh.triangulate import Triangles, paired_triangles, reversed_triangles, triangulate
 
 SIDE = 20
 Ints = npt.NDArray[np.int32]
@@ -20,10 +20,9 @@ def faces_of_grid() -> Ints:
 
 
 def of_quads() -> Triangles:
-    indices = faces_of_grid().ravel()
-    fan = fan_of(np.full(SIDE * SIDE, 4, np.int32), indices)
-    assert fan is not None
-    return fan.triangles
+    at = np.arange((SIDE + 1) * (SIDE + 1))
+    points = np.stack([at % (SIDE + 1), at // (SIDE + 1), 0 * at], axis=1).astype(np.float32)
+    return triangulate(points, np.full(SIDE * SIDE, 4, np.int32), faces_of_grid().ravel())
 
 
 def of_triangles(order: npt.NDArray[np.intp], turns: tuple[int, int] = (0, 0)) -> Triangles:
