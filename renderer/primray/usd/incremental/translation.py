@@ -248,6 +248,7 @@ def _updated_assembly(made: Translated, begun: ViewSetup, edited: set[Sdf.Path])
     old = before.ctx
     ctx = replace(begun.ctx, caches=old.caches, findings=old.findings, surfaces=old.surfaces, shares=old.shares)
     touched = affected_by(edited, ctx.stage, record)
+    ctx.caches.source_geometries.clear()  # an edit may be of one
     if touched.shading:
         ctx = replace(ctx, surfaces=made.materials.surfaces(touched.shading, ctx))
     scene = _copied(before.scene)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,7 @@ from ..scene.inheritance import ResolvedPrim
 from .authored import is_closed, read_mesh, report_inside_out, topology_of
 from .motion import mesh_path, moving_cage, moving_polygons, with_points
 from .polygons import Polygons, Values, make_mesh, make_polygons, values_of_triangles
+from .sources import source_of
 from .subdivision import Cage, make_cage, make_subdivision_mesh
 from .subsets import FaceParts, face_parts
 from .tet_mesh import read_tet_mesh
@@ -189,7 +191,21 @@ def _shape(prim: ResolvedPrim, geometry: Polygons, appearance: Appearance, ctx: 
 
 
 def _geometry(prim: ResolvedPrim, ctx: Context) -> Polygons | Cage | None:
-    """Read the mesh once and return its polygons or subdivision cage, with motion."""
+    """Return the mesh's polygons or subdivision cage, with motion; one object for prims with the same source."""
+    source = source_of(prim, ctx)
+    if source is None:
+        return _read_geometry(prim, ctx)
+    shared: dict[tuple[Any, ...], Polygons | Cage] = ctx.caches.source_geometries
+    found, told = shared.get(source), len(ctx.diagnostics)
+    if found is None:
+        found = _read_geometry(prim, ctx)
+        if found is not None and len(ctx.diagnostics) == told:  # what is reported is reported of each prim
+            shared[source] = found
+    return found
+
+
+def _read_geometry(prim: ResolvedPrim, ctx: Context) -> Polygons | Cage | None:
+    """Read the mesh once."""
     authored = read_tet_mesh(prim, ctx) if prim.type_name == "TetMesh" else read_mesh(prim, ctx.when)
     if authored is None:
         return None

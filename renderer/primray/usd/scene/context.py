@@ -80,6 +80,7 @@ class TranslationCaches:
     faces: dict[tuple[bytes, bytes], Any] = field(default_factory=dict)  # Faces of small meshes, by counts and indices
     # Polygons or Cages of meshes that several prototypes contain, by prim path and motion:blurScale.
     mesh_geometries: dict[tuple[str, float], Any] = field(default_factory=dict)
+    source_geometries: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # likewise by mesh/sources.py's keys
     # By the function of tessellate.py and its arguments, since many prims are alike; None: sizes are not usable.
     tessellations: dict[tuple[Any, ...], Tessellated | None] = field(default_factory=dict)
     # Findings (code, message, attribute) about the inputs of lights, by type, applied schemas and authored names.

@@ -1,0 +1,32 @@
+"""Prims whose geometry is authored at the same place, such as a thousand references to one of a hundred meshes.
+
+Without time samples, a mesh is what the specs of its prim index say, the strongest first. Specs that only place it, or colour
+it as a whole, say nothing of its geometry: prims that have all other specs in common are read once.
+"""
+
+from __future__ import annotations
+
+from pxr import Sdf
+
+from ..scene.context import Context
+from ..scene.inheritance import ResolvedPrim
+
+Source = tuple[str | Sdf.PrimSpec, ...]
+# Properties that the geometry does not depend on.
+_APART = frozenset({"xformOpOrder", "visibility", "purpose", "primvars:displayColor", "primvars:displayOpacity"})
+_PREFIXES = ("xformOp:", "material:binding")
+
+
+def source_of(prim: ResolvedPrim, ctx: Context) -> Source | None:
+    """Return a key of the prim's type and the specs that decide its geometry; None where others cannot have the same."""
+    if ctx.when.careful or not ctx.when.is_default or not ctx.timing.is_frame:
+        return None
+    stack = prim.prim.GetPrimStack()
+    if len(stack) < 2:
+        return None
+    deciding = [spec for spec in stack if not _is_apart(spec)]
+    return (prim.type_name, *deciding) if len(deciding) < len(stack) else None
+
+
+def _is_apart(spec: Sdf.PrimSpec) -> bool:
+    return all(name in _APART or name.startswith(_PREFIXES) for name in spec.properties.keys())  # noqa: SIM118 - specs otherwise
