@@ -30,6 +30,7 @@ MOST_EXACT_OBJECTS = 256  # objects whose points are tested along one direction;
 FARTHEST = 1e100  # boxes beyond are left out: sums and products of their corners could overflow
 MOST_BOUNDED_INSTANCES = 1_000_000  # up to this many instances, the corners of each are bounded
 ROWS = 1 << 18  # points in double precision at a time
+SMALL, TOGETHER = 256, 1 << 14  # points of meshes that are bounded together, and meshes at a time
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,20 @@ class ObjectPlacements:
     high: Doubles
     where: Placement | Doubles
 
+    @property
+    def details(self) -> Doubles:
+        return np.full(len(self.low), self.thing.detail)
+
+    @property
+    def are_lights(self) -> Mask:
+        return np.full(len(self.low), self.thing.is_light)
+
+    def object_at(self, k: int) -> FramedObject:
+        return self.thing
+
+    def paths(self, chosen: Ints) -> list[str]:
+        return [self.thing.path]
+
     def matrix(self, k: int) -> Doubles:
         """Return world_from_thing (3, 4) of instance k."""
         if not isinstance(self.where, Placement):
@@ -65,12 +80,48 @@ class ObjectPlacements:
         return world[:3]
 
 
+@dataclass(frozen=True, eq=False)
+class StaticShapes:
+    """Shapes that are placed once, of which there may be a million: each is an object, made when it is asked for."""
+
+    shapes: Sequence[Shape]  # (N)
+    boxes: Box  # (N, 3) corners, in the shapes' own spaces
+    matrices: Doubles  # (N, 4, 4)
+    low: Doubles  # (N, 3) world
+    high: Doubles
+
+    @cached_property
+    def details(self) -> Doubles:
+        known: dict[int, float] = {}
+        faces = list(map(_face_count, self.shapes))
+        for count in faces:
+            if count not in known:
+                known[count] = _detail_of(count)
+        return np.array([known[count] for count in faces])
+
+    @cached_property
+    def are_lights(self) -> Mask:
+        return np.array([shape.light is not None for shape in self.shapes], bool)
+
+    def object_at(self, k: int) -> FramedObject:
+        shape, box = self.shapes[k], (self.boxes[0][k], self.boxes[1][k])
+        return FramedObject(shape.path, box, ((shape, np.eye(4)),), _detail([shape]), shape.light is not None)
+
+    def paths(self, chosen: Ints) -> list[str]:
+        return [self.shapes[k].path for k in chosen.tolist()]
+
+    def matrix(self, k: int) -> Doubles:
+        """Return world_from_shape (3, 4)."""
+        matrix: Doubles = self.matrices[k, :3]
+        return matrix
+
+
 class FramedObjects:
     """Objects with finite boxes: `low` and `high` (N, 3) are the world boxes, `detail` (N,) grows with the number of faces."""
 
-    def __init__(self, stands: Sequence[ObjectPlacements], kept: Mask | None = None) -> None:
+    def __init__(self, stands: Sequence[ObjectPlacements | StaticShapes], kept: Mask | None = None) -> None:
         self._stands = stands
-        self._sizes = [len(stand.low) for stand in stands]
+        self._sizes = np.array([len(stand.low) for stand in stands], np.intp)
         self._ends = np.cumsum(self._sizes)
         low = np.concatenate([stand.low for stand in stands]) if stands else np.zeros((0, 3))
         high = np.concatenate([stand.high for stand in stands]) if stands else np.zeros((0, 3))
@@ -99,16 +150,20 @@ class FramedObjects:
 
     @cached_property
     def detail(self) -> Doubles:
-        return np.repeat([stand.thing.detail for stand in self._stands], self._sizes)[self._numbers]
+        return np.concatenate([stand.details for stand in self._stands])[self._numbers]
 
     @cached_property
     def is_light(self) -> Mask:
-        return np.repeat([stand.thing.is_light for stand in self._stands], self._sizes)[self._numbers]
+        return np.concatenate([stand.are_lights for stand in self._stands])[self._numbers]
 
     def paths(self, chosen: Mask) -> list[str]:
         """Return the paths of the objects that the mask (N,) chooses, each once."""
-        stands = np.unique(np.searchsorted(self._ends, self._numbers[chosen], side="right"))
-        return list(dict.fromkeys(self._stands[s].thing.path for s in stands))
+        numbers = self._numbers[chosen]
+        stands = np.searchsorted(self._ends, numbers, side="right")
+        some, first = np.unique(stands, return_index=True)
+        rows = np.split(numbers - (self._ends - self._sizes)[stands], first[1:])
+        found = zip(some.tolist(), rows, strict=True) if len(numbers) else ()
+        return list(dict.fromkeys(path for s, own in found for path in self._stands[s].paths(own)))
 
     def reach(self, direction: Doubles, origin: Doubles) -> float:
         """Return the largest dot product of `direction` (3,) with any point of the objects, relative to `origin` (3,)."""
@@ -134,14 +189,14 @@ class FramedObjects:
         """Return the extent of one object, at most its bound; parts that cannot exceed `enough` are skipped."""
         number = int(self._numbers[k])
         s = int(np.searchsorted(self._ends, number, side="right"))
-        stand = self._stands[s]
-        world = stand.matrix(number - int(self._ends[s]) + self._sizes[s])
+        k_of_stand = number - int(self._ends[s]) + self._sizes[s]
+        thing, world = self._stands[s].object_at(k_of_stand), self._stands[s].matrix(k_of_stand)
         offset = float(direction @ (world[:, 3] - origin))
         along = direction @ world[:, :3]
-        if not stand.thing.parts:
-            return min(offset + _box_extent(stand.thing.box, along), float(bounds[k]))
+        if not thing.parts:
+            return min(offset + _box_extent(thing.box, along), float(bounds[k]))
         found = -math.inf
-        for shape, matrix in stand.thing.parts:
+        for shape, matrix in thing.parts:
             own, start = along @ matrix[:3, :3], offset + float(along @ matrix[:3, 3])
             if start + _box_extent(self._box(shape), own) > max(found, enough):
                 found = max(found, start + self._shape_reach(shape, own))
@@ -195,17 +250,54 @@ def framed_bounds(description: SceneDescription, up: int) -> Box:
     return low, high
 
 
-def _static_objects(shapes: Sequence[Shape], static: Sequence[Placed]) -> Iterator[ObjectPlacements]:
+def _static_objects(shapes: Sequence[Shape], static: Sequence[Placed]) -> Iterator[StaticShapes]:
     if not static:
         return
-    boxes = [shapes[placed.shape].box() for placed in static]
+    own = [shapes[placed.shape] for placed in static]
+    boxes = boxes_of(own)
     matrices = np.stack([placed.matrix for placed in static])
     with np.errstate(over="ignore", invalid="ignore"):
-        low, high = transformed_boxes(matrices, np.array([b[0] for b in boxes]), np.array([b[1] for b in boxes]))
-    for k, placed in enumerate(static):
-        shape = shapes[placed.shape]
-        thing = FramedObject(shape.path, boxes[k], ((shape, np.eye(4)),), _detail([shape]), shape.light is not None)
-        yield ObjectPlacements(thing, low[k : k + 1], high[k : k + 1], matrices[k, :3])
+        low, high = transformed_boxes(matrices, *boxes)
+    yield StaticShapes(own, boxes, matrices, low, high)
+
+
+def boxes_of(shapes: Sequence[Shape]) -> Box:
+    """Return the low and high corners (N, 3) of shapes' boxes, as `Shape.box` does; small meshes are bounded together."""
+    low, high = np.empty((len(shapes), 3)), np.empty((len(shapes), 3))
+    small: list[int] = []
+    for k, shape in enumerate(shapes):
+        if type(shape) is Mesh and len(shape.points) <= SMALL:
+            small.append(k)
+        else:
+            low[k], high[k] = shape.box()
+    for start in range(0, len(small), TOGETHER):
+        some = small[start : start + TOGETHER]
+        low[some], high[some] = _boxes_of_meshes([shapes[k] for k in some])
+    return low, high
+
+
+def _boxes_of_meshes(meshes: Sequence[Shape]) -> Box:
+    """Return the boxes of meshes; those of the same arrays are bounded once."""
+    numbers: dict[tuple[int, int], int] = {}
+    own, distinct = [], list[Mesh]()
+    for mesh in meshes:
+        assert isinstance(mesh, Mesh)
+        key = (id(mesh.points), id(mesh.triangles))
+        number = numbers.setdefault(key, len(distinct))
+        if number == len(distinct):
+            distinct.append(mesh)
+        own.append(number)
+    points = np.concatenate([mesh.points for mesh in distinct])
+    counts = np.array([len(mesh.points) for mesh in distinct])
+    starts = np.cumsum(counts) - counts
+    corners = np.array([mesh.triangles.size for mesh in distinct])
+    is_used = np.zeros(len(points), bool)
+    is_used[np.concatenate([mesh.triangles.ravel() for mesh in distinct]) + np.repeat(starts, corners)] = True
+    if not is_used.all():
+        points, counts = points[is_used], np.add.reduceat(is_used.astype(np.intp), starts)
+        starts = np.cumsum(counts) - counts
+    low, high = np.minimum.reduceat(points, starts, axis=0), np.maximum.reduceat(points, starts, axis=0)
+    return low.astype(np.float64)[own], high.astype(np.float64)[own]
 
 
 def _instanced_objects(
@@ -250,7 +342,11 @@ def _prototype_object(shapes: Sequence[Shape], prototypes: Sequence[Prototype], 
 
 def _detail(shapes: Sequence[Shape]) -> float:
     """Return an object's weight, which grows with the logarithm of its number of faces."""
-    return 1.0 + math.log2(1 + sum(map(_face_count, shapes)))
+    return _detail_of(sum(map(_face_count, shapes)))
+
+
+def _detail_of(faces: int) -> float:
+    return 1.0 + math.log2(1 + faces)
 
 
 def _face_count(shape: Shape) -> int:
