@@ -65,7 +65,7 @@ def steps(quick: bool) -> dict[str, Callable[[], None]]:
     found["replay-8"] = lambda: replays_at_8(quick)
     found["moving-rays"] = lambda: moving_rays.report(rounds=2 if quick else moving_rays.ROUNDS)
     for kind in ("pictures", *growth.SIZES):
-        largest = most // 10 if kind in ("prims", "referenced") else most  # which take minutes to write
+        largest = most // 10 if kind in ("prims", "referenced", "kinds") else most  # which take minutes to write
         found[f"growth-{kind}"] = lambda kind=kind, largest=largest: growth.report([kind], largest)  # type: ignore[misc]
     found["ablations"] = lambda: ablations.report(list(SCENES), 1 if quick else 2)
     return found

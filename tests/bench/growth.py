@@ -1,8 +1,9 @@
 """How costs grow: python -m tests.bench.growth [--most N] [KIND ...].
 
-With a stage: prims, scene instances (referenced), triangles, instances, nested instances, lights, textures, texels, each in
-processes of their own (setup/scaling.py); from opening to a built scene, and the seconds a ray then takes. With a picture:
-threads, pixels and samples, on one scene that is built once a size. The powers on the page are fitted to these (fits.py).
+With a stage: prims, scene instances (referenced), triangles, instances, nested instances, lights, textures, texels, and those
+of stages/crowded_stages.py, each in processes of their own (setup/scaling.py); from opening to a built scene, and the seconds
+a ray then takes. With a picture: threads, pixels and samples, on one scene that is built once a size. The powers on the page
+are fitted to these (fits.py).
 """
 
 from __future__ import annotations
@@ -34,6 +35,12 @@ SIZES: dict[str, tuple[int, ...]] = {
     "lights": (1, 10, 10**2, 10**3, 10**4, 10**5),
     "textures": (1, 10, 10**2, 10**3),
     "texels": (10**4, 10**5, 10**6, 10**7),
+    "kinds": (10**3, 10**4, 10**5, 10**6),
+    "unique": (10**3, 10**4, 3 * 10**4, 10**5),
+    "island": (10**4, 10**5, 10**6, 4 * 10**6),
+    "materials": (10, 10**2, 10**3, 2 * 10**4),
+    "tufts": (46, 460, 1500, 4600),
+    "flat-tufts": (46, 460, 1500, 4600),
 }
 SIDES = (64, 128, 256, 512)
 SAMPLES = (QUICK_LOOK, 8, 16, 32)  # fewer are rendered in another way

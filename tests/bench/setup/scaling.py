@@ -4,7 +4,9 @@ Every stage is generated once and measured in a process of its own; bytes per it
 beyond what it had before opening the stage. KIND is meshes (equal cubes), distinct (no two are equal), cages (distinct and
 subdivided), prims (of several kinds, nested), referenced (scene instances), triangles, instances, nested (1000 times the rest,
 10,000 from 1e9 on), multiplied (never kept in two levels), lights (small spheres of the same power together), textures (as
-many images, each on a quad of its own), texels (of one image).
+many images, each on a quad of its own), texels (of one image), kinds (prims that each refer to one of a hundredth as many
+meshes), unique (meshes with caps, no two alike), island (instances of 1,000 prototypes), materials (of 20 nodes each), tufts
+(instances of 60 strands each), flat-tufts (the same strands as one prim).
 """
 
 from __future__ import annotations
@@ -36,6 +38,12 @@ SIZES = {
     "lights": (1, 10, 10**2, 10**3, 10**4, 10**5),
     "textures": (1, 10, 10**2, 10**3),
     "texels": (10**4, 10**5, 10**6, 10**7),
+    "kinds": (10**3, 10**4, 10**5, 10**6),
+    "unique": (10**3, 10**4, 10**5),
+    "island": (10**4, 10**5, 10**6, 4 * 10**6),
+    "materials": (10, 10**2, 10**3, 2 * 10**4),
+    "tufts": (46, 460, 4600),
+    "flat-tufts": (46, 460, 4600),
 }
 RESOLUTION = (160, 90)
 TIMED_SPP = 16
@@ -67,7 +75,7 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
 
     stage = usd.open_stage(path, Diagnostics())
     lap("open")
-    description, _ = usd.translate(stage, settings)
+    description, _ = usd.translate(stage, settings, core.compiled.triangulate)
     lap("translate")
     after_translation = peak_rss_bytes()
     counted = summary(description)

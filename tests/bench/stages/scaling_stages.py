@@ -12,6 +12,9 @@ import numpy as np
 import OpenImageIO as oiio
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
+from . import crowded_stages
+from .crowded_stages import moved, prim
+
 CUBE_POINTS = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
 CUBE_FACES = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
 PER_SCOPE = 1000
@@ -103,7 +106,7 @@ def _prims(stage: Usd.Stage, count: int) -> float:
     rng = np.random.default_rng(8)
     with Sdf.ChangeBlock():
         for path in ["/city", *(f"/city/quarter_{k}" for k in range((blocks - 1) // PER_SCOPE + 1))]:
-            _prim(layer, path, "Xform")
+            prim(layer, path, "Xform")
         for i in range(blocks):
             block = f"/city/quarter_{i // PER_SCOPE}/block_{i}"
             Sdf.CopySpec(layer, "/block", layer, block)
@@ -127,16 +130,16 @@ def _prims(stage: Usd.Stage, count: int) -> float:
 
 def _block(layer: Sdf.Layer, path: str) -> None:
     """What all blocks have in common."""
-    _moved(_prim(layer, path, "Xform"), (0.0, 0.0, 0.0))
-    _moved(_prim(layer, f"{path}/house", "Xform"), (0.0, 0.0, 0.0))
-    _bound(_moved(_cube(layer, f"{path}/house/body"), (0.0, 0.5, 0.0)))
-    _prim(layer, f"{path}/house/notes", "Scope")
-    roof = _moved(_prim(layer, f"{path}/house/roof", "Cube"), (0.0, 1.2, 0.0))
+    moved(prim(layer, path, "Xform"), (0.0, 0.0, 0.0))
+    moved(prim(layer, f"{path}/house", "Xform"), (0.0, 0.0, 0.0))
+    _bound(moved(_cube(layer, f"{path}/house/body"), (0.0, 0.5, 0.0)))
+    prim(layer, f"{path}/house/notes", "Scope")
+    roof = moved(prim(layer, f"{path}/house/roof", "Cube"), (0.0, 1.2, 0.0))
     _attribute(roof, "size", Sdf.ValueTypeNames.Double, 0.4)
-    _moved(_prim(layer, f"{path}/yard", "Xform"), (1.0, 0.0, 1.0))
-    _prim(layer, f"{path}/yard/trees", "Xform")
+    moved(prim(layer, f"{path}/yard", "Xform"), (1.0, 0.0, 1.0))
+    prim(layer, f"{path}/yard/trees", "Xform")
     for k in range(3):
-        tree = _moved(_prim(layer, f"{path}/yard/trees/tree_{k}", "Sphere"), (0.3 * k, 0.4, -0.3 * k))
+        tree = moved(prim(layer, f"{path}/yard/trees/tree_{k}", "Sphere"), (0.3 * k, 0.4, -0.3 * k))
         _attribute(tree, "radius", Sdf.ValueTypeNames.Double, 0.1)
         _attribute(tree, "primvars:displayColor", Sdf.ValueTypeNames.Color3fArray, Vt.Vec3fArray(1))
 
@@ -144,16 +147,16 @@ def _block(layer: Sdf.Layer, path: str) -> None:
 def _referenced(stage: Usd.Stage, count: int) -> float:
     """Scene instances of one small asset, each a prim with a reference of its own."""
     layer = stage.GetRootLayer()
-    _prim(layer, "/assets", "Scope").specifier = Sdf.SpecifierClass
-    _prim(layer, "/assets/cube", "Xform")
+    prim(layer, "/assets", "Scope").specifier = Sdf.SpecifierClass
+    prim(layer, "/assets/cube", "Xform")
     _cube(layer, "/assets/cube/body")
-    instance = _moved(_prim(layer, "/instance", "Xform"), (0.0, 0.0, 0.0))
+    instance = moved(prim(layer, "/instance", "Xform"), (0.0, 0.0, 0.0))
     instance.referenceList.Prepend(Sdf.Reference("", "/assets/cube"))
     instance.instanceable = True
     side = int(np.ceil(np.sqrt(count)))
     with Sdf.ChangeBlock():
         for path in ["/field", *(f"/field/row_{k}" for k in range((count - 1) // PER_SCOPE + 1))]:
-            _prim(layer, path, "Xform")
+            prim(layer, path, "Xform")
         for i in range(count):
             path = f"/field/row_{i // PER_SCOPE}/cube_{i}"
             Sdf.CopySpec(layer, "/instance", layer, path)
@@ -163,21 +166,8 @@ def _referenced(stage: Usd.Stage, count: int) -> float:
     return 2.0 * side
 
 
-def _prim(layer: Sdf.Layer, path: str, type_name: str) -> Sdf.PrimSpec:
-    prim = Sdf.CreatePrimInLayer(layer, path)
-    prim.specifier, prim.typeName = Sdf.SpecifierDef, type_name
-    return prim
-
-
 def _attribute(prim: Sdf.PrimSpec, name: str, type_name: Sdf.ValueTypeName, value: object) -> None:
     Sdf.AttributeSpec(prim, name, type_name).default = value
-
-
-def _moved(prim: Sdf.PrimSpec, at: tuple[float, float, float]) -> Sdf.PrimSpec:
-    _attribute(prim, "xformOp:translate", Sdf.ValueTypeNames.Double3, Gf.Vec3d(*at))
-    order = Sdf.AttributeSpec(prim, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
-    order.default = Vt.TokenArray(["xformOp:translate"])
-    return prim
 
 
 def _bound(prim: Sdf.PrimSpec) -> None:
@@ -317,4 +307,5 @@ WRITERS: dict[str, Callable[[Usd.Stage, int], float]] = {
     "lights": _lights,
     "textures": _textures,
     "texels": _texels,
+    **crowded_stages.WRITERS,
 }
