@@ -1,3 +1,4 @@
+// Ear clipping in the plane of the polygon's Newell normal.
 #include "polygon/ear_clip.hpp"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Triangulation of faces one by one: fans where they serve, ears clipped where not.
 #include "polygon/triangulate.hpp"
 
 #include <algorithm>
