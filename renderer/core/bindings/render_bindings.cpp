@@ -10,6 +10,7 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/recording.hpp"
+#include "guiding/pilot/caustic_photons.hpp"
 #include "guiding/pilot/learning.hpp"
 #include "integrator/path_log.hpp"
 #include "render/render.hpp"
@@ -53,6 +54,23 @@ std::tuple<OutArray<float, 1>, OutArray<float, 2>, OutArray<float, 1>, OutArray<
           to_numpy(std::move(given), {n})};
 }
 
+// Photons of a scene: landing points (N, 3; world space), the directions that they came from (N, 3), and their weights: areas
+// of unoccluded light, in world units.
+std::tuple<OutArray<double, 2>, OutArray<float, 2>, OutArray<float, 1>> photons_of(const Scene& scene, int max_depth,
+                                                                                   int threads) {
+  const std::vector<CausticPhoton> photons = trace_photons(scene, max_depth, threads);
+  std::vector<double> landing;
+  std::vector<float> direction, weight;
+  for (const CausticPhoton& p : photons) {
+    const dvec3 at = dvec3{p.landing.x, p.landing.y, p.landing.z} * (1 / scene.scale) + scene.origin;
+    landing.insert(landing.end(), {at.x, at.y, at.z});
+    direction.insert(direction.end(), {p.direction.x, p.direction.y, p.direction.z});
+    weight.push_back(p.weight / float(scene.scale * scene.scale));
+  }
+  const size_t n = photons.size();
+  return {to_numpy(std::move(landing), {n, 3}), to_numpy(std::move(direction), {n, 3}), to_numpy(std::move(weight), {n})};
+}
+
 }  // namespace
 
 void bind_caustics(nb::module_& m, nb::module_& testing) {
@@ -71,6 +89,7 @@ void bind_caustics(nb::module_& m, nb::module_& testing) {
       "find_caustics",
       [](const Scene& scene, int max_depth, int threads) { return find_caustics(scene, max_depth, threads).release(); },
       nb::rv_policy::take_ownership, nb::call_guard<nb::gil_scoped_release>());
+  testing.def("photons", &photons_of);
   testing.def("caustic_lobes", &caustic_lobes);
 }
 

@@ -24,6 +24,13 @@ void mark_media_boundaries(Scene& scene);
 // Finds, after that, the objects that contain the camera, and whether any contain lights.
 void find_camera_media(Scene& scene);
 
+// Media that contain a point: surfaces of the objects, as in MediumStack, and volumes.
+struct MediaAround {
+  int32_t surfaces[kMaxNestedMedia] = {-1, -1, -1, -1};
+  std::vector<VolumeObject> volumes;
+};
+MediaAround media_around(const Scene& scene, const vec3& p);
+
 // Mean values of patterns, estimated on the shapes that use them: the choice among emitters, and photons, rely on these.
 
 // Sets `fallback` of inputs that read a tape, for surfaces that some triangles have; others keep theirs.

@@ -123,7 +123,23 @@ Around objects_around(const Scene& scene, const vec3& p) {
   return around;
 }
 
+// Stack of objects, of which the innermost is the first.
+MediumStack<1> stack_of(const Scene& scene, const std::vector<Found>& objects) {
+  MediumStack<1> stack;
+  for (size_t i = objects.size(); i-- > 0;) stack.add(scene, vbool<1>(true), vint<1>(objects[i].surface));
+  return stack;
+}
+
 }  // namespace
+
+MediaAround media_around(const Scene& scene, const vec3& p) {
+  MediaAround around;
+  const Around found = objects_around(scene, p);
+  const MediumStack<1> stack = stack_of(scene, found.objects);
+  for (int k = 0; k < kMaxNestedMedia; ++k) around.surfaces[k] = stack.surfaces[k][0];
+  around.volumes = found.volumes;
+  return around;
+}
 
 void mark_media_boundaries(Scene& scene) {
   Interiors& interiors = scene.interiors;
@@ -178,11 +194,9 @@ void find_camera_media(Scene& scene) {
   const bool any_boundary = std::count(interiors.bounds_medium.begin(), interiors.bounds_medium.end(), 1) > 0;
   if (!interiors.followed || !(any_boundary || interiors.has_bounded())) return;
   const Around found = objects_around(scene, scene.camera.world_from_camera.o);
-  const std::vector<Found>& around = found.objects;
   interiors.camera_volumes = found.volumes;
   if (!any_boundary) return;
-  MediumStack<1> stack;
-  for (size_t i = around.size(); i-- > 0;) stack.add(scene, vbool<1>(true), vint<1>(around[i].surface));
+  const MediumStack<1> stack = stack_of(scene, found.objects);
   for (int k = 0; k < kMaxNestedMedia; ++k) interiors.camera[k] = stack.surfaces[k][0];
   const float index = ior_in(scene, stack)[0];
   interiors.camera_index2 = index * index;

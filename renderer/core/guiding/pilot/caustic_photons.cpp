@@ -16,6 +16,7 @@
 #include "light/sampler/selection.hpp"
 #include "math/box.hpp"
 #include "medium/phase_function.hpp"
+#include "medium/ray_medium.hpp"
 #include "render/task_function.hpp"
 #include "sampler/sampler.hpp"
 #include "surface/evaluate_inputs.hpp"
@@ -178,6 +179,7 @@ using V = vvec3<W>;
 // Lower limit of the density per steradian with which small lights are sampled.
 constexpr float kSmallLight = 10, kSmallLightInside = 1;  // inside a ball, as seen from its surface
 constexpr int kLongest = 10;                              // vertices of a photon's path
+constexpr int kMostSurfaces = 24;                         // those and surfaces that it passes straight
 constexpr int kRound = 1 << 14, kRounds = 16, kTask = 256;
 // Limits of the number of photons, and their number by the frame's pixels; for small images photons would cost more than they
 // gain.
@@ -190,10 +192,52 @@ constexpr float kLeastApart2 = 1e-20f;  // squared distances to those: less is r
 static_assert(W >= kCorners);
 constexpr uint32_t kPhotonSeed = 0x51ed270bu;
 
+// Media around the lights that have a position, where media are followed. Lights that are meshes count as outside of all
+// bodies; leaving one that was not entered corrects that.
+class MediaAroundLights {
+ public:
+  explicit MediaAroundLights(const Scene& scene) {
+    if (!scene.interiors.followed) return;
+    const LightTable& lights = scene.lights;
+    for (int i = 0; i < lights.analytic_count && i < kMostLights; ++i) {
+      const float* row = lights.row(i);
+      const LightType type = LightType(int_at(row, kType));
+      const bool everywhere = type == LightType::kDistant || type == LightType::kDome;
+      add(everywhere ? MediaAround() : media_around(scene, {row[kOrigin], row[kOrigin + 1], row[kOrigin + 2]}));
+    }
+    while (volumes_.size() < size_t(lights.count)) add(MediaAround());
+  }
+
+  ShadowMedia<W> of(I light, VolumeSets& sets) const {
+    ShadowMedia<W> media;
+    for (int k = 0; k < kMaxNestedMedia; ++k)
+      media.stack.surfaces[k] = gather<W>(surfaces_.data() + k, light * I(kMaxNestedMedia));
+    alignas(64) int32_t set[W];
+    for (int i = 0; i < W; ++i) {
+      set[i] = 0;
+      for (const VolumeObject& object : volumes_[size_t(light[i])]) set[i] = sets.after(set[i], object, true);
+    }
+    media.volumes = load<W>(set), media.sets = &sets;
+    return media;
+  }
+
+ private:
+  // Limit of the lights around which rays are traced.
+  static constexpr int kMostLights = 4096;
+
+  std::vector<int32_t> surfaces_;
+  std::vector<std::vector<VolumeObject>> volumes_;
+
+  void add(const MediaAround& around) {
+    surfaces_.insert(surfaces_.end(), std::begin(around.surfaces), std::end(around.surfaces));
+    volumes_.push_back(around.volumes);
+  }
+};
+
 class Photons {
  public:
   Photons(const Scene& scene, std::vector<CausticTarget> targets, int longest)
-      : scene_(scene), targets_(std::move(targets)), longest_(longest) {
+      : scene_(scene), targets_(std::move(targets)), around_lights_(scene), longest_(longest) {
     double sum = 0, run = 0;
     for (const CausticTarget& t : targets_) sum += double(t.share);
     for (const CausticTarget& t : targets_) {
@@ -205,6 +249,7 @@ class Photons {
 
   // Traces photons [first, first + kTask).
   void trace(uint32_t first, std::vector<CausticPhoton>& landed) const {
+    VolumeSets sets(scene_.interiors);
     for (int i = 0; i < kTask; i += W / kCorners) {
       alignas(64) int32_t number[W], corner[W], inside[W];
       for (int k = 0; k < W; ++k) {
@@ -212,13 +257,14 @@ class Photons {
         number[k] = int32_t(first) + photon, corner[k] = k % kCorners;
         inside[k] = k / kCorners < W / kCorners && photon < kTask;
       }
-      trace_lanes({bit_cast<vuint<W>>(load<W>(number)), load<W>(corner), load<W>(inside) != I(0)}, landed);
+      trace_lanes({bit_cast<vuint<W>>(load<W>(number)), load<W>(corner), load<W>(inside) != I(0)}, sets, landed);
     }
   }
 
  private:
   const Scene& scene_;
   const std::vector<CausticTarget> targets_;
+  const MediaAroundLights around_lights_;
   const int longest_;
   std::vector<float> cdf_, data_;
 
@@ -240,7 +286,20 @@ class Photons {
     }
   };
 
-  B launch(const Corners& lanes, const Sampler<W>& sampler, Rays<W>& rays, F& weight, Way& travelled) const {
+  // Photon on its way: its ray, the area of unoccluded light that it represents, and its throughput, of the light's colour and
+  // luminance 1 at the start.
+  struct Flight {
+    Rays<W> ray;
+    F weight{0.0f};
+    V beta{F(0.0f)};
+    Way travelled{F(0.0f), F(0.0f)};
+    ShadowMedia<W> media;
+    F passed{0.0f};  // way along the ray up to the last boundary of a volume
+
+    F brings() const { return weight * travelled.spread() * luminance(beta); }
+  };
+
+  B launch(const Corners& lanes, const Sampler<W>& sampler, VolumeSets& sets, Flight& photon) const {
     const LightTable& lights = scene_.lights;
     const I none(0);
     const I t = find_interval<W>(cdf_.data(), none, int(targets_.size()), sampler.single(none, Purpose::kLobe));
@@ -284,64 +343,121 @@ class Photons {
     if (!any(alive)) return alive;
     const Rays<W> to_light{start, wi, F(0.0f), left * 0.999f, time};
     if (const B outside = alive & !inside; any(outside)) alive &= inside | !occluded(scene_, true, outside, to_light);
-    rays = {start, -wi, F(0.0f), F(kInfinity), time};
-    travelled = {select(near, left, F(0.0f)), select(near, 1.0f / max(s.t, 1e-20f), F(0.0f))};
-    weight = radius * radius * select(inside, 4.0f * abs(dot(outwards, s.wi)), F(1.0f)) * kPi / field(4);
-    return alive;
+    photon.ray = {start, -wi, F(0.0f), F(kInfinity), time};
+    photon.travelled = {select(near, left, F(0.0f)), select(near, 1.0f / max(s.t, 1e-20f), F(0.0f))};
+    photon.weight = radius * radius * select(inside, 4.0f * abs(dot(outwards, s.wi)), F(1.0f)) * kPi / field(4);
+    photon.beta = s.L * (1.0f / max(luminance(s.L), 1e-30f));
+    if (scene_.interiors.followed) {
+      photon.media = around_lights_.of(select(alive, choice.light, none), sets);
+      photon.beta = photon.beta * transmittance_along(scene_, photon.media, to_light, left, near);
+    }
+    return alive & (max_component(photon.beta) > F(0.0f));
   }
 
-  void trace_lanes(const Corners& lanes, std::vector<CausticPhoton>& landed) const {
+  // Attenuates photons on their way to hits at distance `t`, and moves those that hit boundaries of volumes through them;
+  // returns their lanes. `front`: lanes that hit a surface from outside.
+  B cross_media(B alive, const Hits<W>& hits, const Interaction<W>& it, F t, B front, Flight& photon) const {
+    ShadowMedia<W>& media = photon.media;
+    const B passes = bounds_volume(scene_, alive, it.surface);
+    if (const B leaves = passes & !front; any(leaves))
+      enter_missed(scene_, *media.sets, leaves, hits, it.surface, front, media.volumes);
+    photon.beta = photon.beta * transmittance_along(scene_, media, photon.ray, t, alive);
+    if (!any(passes)) return passes;
+    cross_boundaries(scene_, *media.sets, passes, hits, it.surface, front, media.volumes);
+    // As camera paths do: the origin stays, so that no surface near the boundary is skipped.
+    media.origin_distance = select(passes, -t, media.origin_distance);
+    photon.ray.tnear = select(passes, behind_boundary(t, it.offset), photon.ray.tnear);
+    photon.passed = select(passes, t, photon.passed);
+    return passes;
+  }
+
+  // Boundary of media that photons meet; those that missed an earlier one are attenuated as if they had come through it.
+  Boundary<W> boundary_at(B meets, const Interaction<W>& it, F t, B front, Flight& photon) const {
+    const ShadowMedia<W>& media = photon.media;
+    if (!scene_.interiors.followed) return Boundary<W>(media.stack);
+    const Boundary<W> boundary(scene_, meets, media.stack, it.surface, front);
+    if (const B m = boundary.missed & (media.stack.top() < I(0)); any(m)) {
+      const V left = medium_of(scene_, boundary.here).transmittance(t + media.origin_distance);
+      photon.beta = select(m, photon.beta * left, photon.beta);
+    }
+    return boundary;
+  }
+
+  // Returns the lanes whose sample continues a caustic: by a lobe that is smooth enough. `lobe`: the number that chose it.
+  static B stays_narrow(const BsdfWithOpenPbr<W>& bsdf, const BsdfSample<W>& s, F lobe) {
+    const F among = lobe / max(bsdf.presence, 1e-20f);
+    B smooth = among >= bsdf.p_diffuse;
+    if (bsdf.any_coat) {
+      const B coat = among >= bsdf.p_diffuse + bsdf.p_specular;
+      smooth &= (coat & (bsdf.coat_alpha < F(kCasterAlpha))) | ((!coat) & (bsdf.alpha < F(kCasterAlpha)));
+    } else {
+      smooth &= bsdf.alpha < F(kCasterAlpha);
+    }
+    return bsdf.preview & (s.is_delta | smooth) & (max_component(s.weight) > F(0.0f));
+  }
+
+  void trace_lanes(const Corners& lanes, VolumeSets& sets, std::vector<CausticPhoton>& landed) const {
+    const bool follows = scene_.interiors.followed;
     const Sampler<W> sampler{reverse_bits(lanes.number), Sampler<W>::pixel_seed(kPhotonSeed, I(0), I(0), vuint<W>(0u))};
-    Rays<W> rays;
-    F weight(0.0f);
-    Way travelled{F(0.0f), F(0.0f)};
-    B alive = launch(lanes, sampler, rays, weight, travelled), scattered(false);
+    Flight photon;
+    Rays<W>& rays = photon.ray;
+    B alive = launch(lanes, sampler, sets, photon), scattered(false);
     V source = rays.o;
     I way(0);  // hash of the surfaces that were hit, and of what passed them
-    for (int vertex = 1; vertex <= longest_ && any(alive); ++vertex) {
+    I vertex(1);
+    for (int surface = 1; surface <= kMostSurfaces && any(alive); ++surface) {
       const Hits<W> hits = intersect(scene_, true, alive, rays);
       alive &= hits.geom != I(-1);
       if (!any(alive)) return;
       Interaction<W> it = interact(scene_, alive, rays, hits);
+      const V wo = -rays.d;
+      const F t = max(dot(it.p - rays.o, rays.d), 0.0f);
+      photon.travelled.length += max(t - photon.passed, 0.0f);
+      const B front = dot(it.ng, wo) > F(0.0f), passes = follows ? cross_media(alive, hits, it, t, front, photon) : B(false);
+      way = way * I(31) + it.surface * I(2);
+      const B meets = alive & !passes;
+      if (!any(meets)) continue;
+
+      // The surface's lobes, and the media on both of its sides
       SurfaceRows<W> rows(scene_.surfaces, it.surface);
       LaneRows<W> varying;
       if (any_inputs(scene_, alive, it.surface))
         rows = evaluate_inputs(scene_, alive, hits, it.surface, F(0.0f), it.p, it.ng, it.ns, varying);
-      const V wo = -rays.d;
-      travelled.length += max(dot(it.p - rays.o, rays.d), 0.0f);
-      const B front = dot(it.ng, wo) > F(0.0f);
       const F side = select(front, F(1.0f), F(-1.0f));
       const V ng = it.ng * side, ns = it.ns * side;
       Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
       if (!scene_.surfaces.open_pbr.empty()) align_tangent(rows, alive, frame);
       const V local = frame.to_local(wo);
-      const BsdfWithOpenPbr<W> bsdf(rows, alive, local, front);
-      const B there = alive & scattered;
-      store_photons(there, there & (lanes.corner == I(0)) & follows_caustics<W>(bsdf), it.p, wo, length(it.p - source),
-                    way + it.surface, weight * travelled.spread(), landed);
-      if (!bsdf.any_preview) return;
-      const Pair<W> u = sampler.link(I(vertex));
-      const F lobe = sampler.single(I(vertex), Purpose::kLobe);
+      const Boundary<W> boundary = boundary_at(meets, it, t, front, photon);
+      const BsdfWithOpenPbr<W> bsdf(rows, alive, local, front, boundary.ior_outside);
+
+      // Photons land on what scatters widely, and go on from what does not
+      const B there = meets & scattered & !boundary.overridden;
+      store_photons(there, there & (lanes.corner == I(0)) & follows_caustics<W>(bsdf), it.p, wo, length(it.p - source), way,
+                    photon.brings(), landed);
+      if (!bsdf.any_preview && !follows) return;
+      const Pair<W> u = sampler.link(I(surface));
+      const F lobe = sampler.single(I(surface), Purpose::kLobe);
       const BsdfSample<W> s = bsdf.sample(local, lobe, u.u, u.v);
-      const B rough = !s.is_delta;
-      const F among = lobe / max(bsdf.presence, 1e-20f);
-      B smooth = among >= bsdf.p_diffuse;
-      if (bsdf.any_coat) {
-        const B coat = among >= bsdf.p_diffuse + bsdf.p_specular;
-        smooth &= (coat & (bsdf.coat_alpha < F(kCasterAlpha))) | ((!coat) & (bsdf.alpha < F(kCasterAlpha)));
-      } else {
-        smooth &= bsdf.alpha < F(kCasterAlpha);
-      }
-      alive &= bsdf.preview & (s.is_delta | (rough & smooth)) & (max_component(s.weight) > F(0.0f));
-      const V d = select(s.straight, rays.d, frame.to_world(s.wi));
+      const B straight = s.straight | boundary.overridden, transmits = s.transmits | boundary.overridden;
+      const V d = select(straight, rays.d, frame.to_world(s.wi));
       const F out = dot(ng, d);
-      alive &= s.transmits | (out > F(0.0f));
-      source = select(s.straight, source, it.p);
-      way = way * I(31) + it.surface * I(2) + select(s.transmits, I(1), I(0));
-      scattered |= alive & !s.straight;
-      weight = select(s.straight, weight, weight * min(luminance(s.weight), 1.0f));
-      rays.o = it.p + ng * (it.offset * select(out > F(0.0f), F(1.0f), F(-1.0f)));
-      rays.d = d;
+      alive &= passes | boundary.overridden | (stays_narrow(bsdf, s, lobe) & (s.transmits | (out > F(0.0f))));
+      const B moves = alive & meets, bends = moves & !straight;
+      source = select(bends, it.p, source);
+      way += select(transmits & meets, I(1), I(0));
+      scattered |= bends;
+      // All lobes together never gain; one of them may, by the probability of its choice.
+      photon.beta = select(bends, photon.beta * s.weight * min(1.0f / max(luminance(s.weight), 1e-20f), 1.0f), photon.beta);
+      vertex += select(bends, I(1), I(0));
+      alive &= vertex <= I(longest_);
+      rays.o = select(moves, it.p + ng * (it.offset * select(out > F(0.0f), F(1.0f), F(-1.0f))), rays.o);
+      rays.d = select(moves, d, rays.d), rays.tnear = select(moves, F(0.0f), rays.tnear);
+      photon.passed = select(moves, F(0.0f), photon.passed);
+      if (!follows) continue;
+      ShadowMedia<W>& media = photon.media;
+      media.stack = select(moves, select(transmits, boundary.beyond, boundary.here), media.stack);
+      media.origin_distance = select(moves, origin_distance_of(it.offset, ng, d), media.origin_distance);
     }
   }
 
