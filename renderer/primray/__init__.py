@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
     from .render.products import Product, render_products
     from .render.stereo import StereoImage, render_stereo
+    from .report.profile import profile
 
 __all__ = [
     "Aov",
@@ -80,6 +81,7 @@ __all__ = [
     "errors",
     "estimate",
     "inspect",
+    "profile",
     "read_image",
     "render",
     "render_frames",
@@ -113,6 +115,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "doctor": "diagnosis.doctor",
         "estimate": "diagnosis.estimate",
         "inspect": "diagnosis.inspection",
+        "profile": "report.profile",
         "read_image": "images.reading",
         "render_frames": "incremental.scene",
         "render_products": "render.products",

@@ -3,6 +3,7 @@
 
 #include "accel/geometry.hpp"
 #include "base/error.hpp"
+#include "base/time_spans.hpp"
 
 namespace primray {
 namespace {
@@ -152,6 +153,7 @@ bool build_without_embree(Scene& scene) {
 }  // namespace
 
 void build_accel(Scene& scene) {
+  const TimeSpan span("build the hierarchy");
   // Build shapes, then prototypes of them (which the builder was given later), and finally the world.
   for (size_t i = 1; i < scene.groups.size(); ++i) build_group(scene, scene.groups[i]);
   if (!build_without_embree(scene)) build_group(scene, scene.groups[0]);

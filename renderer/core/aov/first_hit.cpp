@@ -8,6 +8,7 @@
 
 #include "aov/first_hit_task.hpp"
 #include "base/error.hpp"
+#include "base/time_spans.hpp"
 #include "film/film.hpp"
 #include "render/task_function.hpp"
 
@@ -52,6 +53,7 @@ void find_first_hits(const Scene& scene, int lanes, int threads, int first_row, 
   const int across = (width + kTile - 1) / kTile, down = (std::max(end - first_row, 0) + kTile - 1) / kTile;
   std::atomic<int> next{0};
   const auto work = [&] {
+    const TimeSpan span("find first hits");
     set_float_mode();
     for (int i; (i = next++) < across * down;) {
       const int x = i % across * kTile, y = first_row + i / across * kTile;

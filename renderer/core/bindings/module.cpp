@@ -1,11 +1,14 @@
 // The extension module: one for each ISA class, with the same contents.
 #include "base/error.hpp"
 #include "base/memory_watch.hpp"
+#include "base/time_spans.hpp"
 #include "bindings/arrays.hpp"
 #include "embree/embree.hpp"
 
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 using namespace primray;
 
@@ -30,6 +33,16 @@ NB_MODULE(PRIMRAY_MODULE, m) {
          int exit_code) { watch_memory(bytes, {before, after, json_before, json_after, exit_code}); },
       nb::arg("bytes"), nb::arg("before") = "", nb::arg("after") = "", nb::arg("json_before") = "", nb::arg("json_after") = "",
       nb::arg("exit_code") = 4, "End the process with a message before it holds more than `bytes`; 0: stop watching.");
+  m.def("record_spans", &record_spans, nb::arg("on"), "Start or stop recording time spans of the core's work.");
+  m.def(
+      "take_spans",
+      [] {
+        std::vector<std::tuple<const char*, int64_t, int64_t, int64_t>> rows;
+        for (const RecordedSpan& s : take_spans()) rows.emplace_back(s.name, s.thread, s.begin_ns, s.end_ns);
+        return rows;
+      },
+      "Return the recorded spans, each its name, thread, and begin and end in nanoseconds of time.monotonic_ns(), and forget "
+      "them.");
   // Core errors carry a code; Python converts them to the classes of primray.errors.
   static PyObject* core_error = nb::exception<Error>(m, "CoreError").release().ptr();
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {

@@ -10,6 +10,7 @@
 
 #include "accel/build.hpp"
 #include "base/error.hpp"
+#include "base/time_spans.hpp"
 #include "build/builder.hpp"
 #include "build/emitters/emitters.hpp"
 #include "build/inputs/input_facts.hpp"
@@ -389,7 +390,10 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   if (!s.lights.portals.empty()) s.lights.portals.resize(s.lights.domes.size());
   s.lights.analytic_count = s.lights.count;
   if (s.volumes && !s.volumes->any()) s.volumes.reset();
-  if (s.has_emission) build_emitters(s);
+  if (s.has_emission) {
+    const TimeSpan span("build emitters");
+    build_emitters(s);
+  }
   if (s.volumes) s.volumes->finish(), add_volume_lights(s);
   finish_light_rows(s.lights);
   find_pivots(s);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/time_spans.hpp"
 #include "texture/mip_pyramid.hpp"
 
 namespace primray {
@@ -108,6 +109,7 @@ void add_triangle(const Scene& s, const TextureRead& source, Texture& texture, u
 }  // namespace
 
 void measure_footprints(Scene& s) {
+  const TimeSpan span("measure footprints of textures");
   if (s.moves()) {  // between samples it may come nearer than at any of them
     for (Texture& t : s.textures) t.least_footprint = 0;
     return;

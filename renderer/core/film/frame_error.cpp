@@ -19,6 +19,8 @@
 #include <cmath>
 #include <thread>
 
+#include "base/time_spans.hpp"
+
 namespace primray {
 namespace {
 
@@ -214,6 +216,7 @@ FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, i
   std::vector<FrameError> parts(size_t(strips), FrameError{});
   std::atomic<int> next{0};
   const auto work = [&] {
+    const TimeSpan span("measure the error");
     for (int i; (i = next++) < strips;) {
       const int strip = int((2 * int64_t(i) + 1) * all_strips / (2 * strips));
       parts[size_t(i)] = Strip(film, exposure, strip).sums();

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <thread>
 
+#include "base/time_spans.hpp"
 #include "math/box.hpp"
 
 namespace primray {
@@ -170,6 +171,7 @@ struct Builder {
 }  // namespace
 
 void build_caustic_tree(std::vector<CausticPhoton>& photons, CausticGuide& guide, int threads) {
+  const TimeSpan span("sort photons into a tree");
   guide = {};
   if (photons.size() < 2 * kLeast) return;
   while ((photons.size() >> (guide.levels + 1)) >= kLeast) ++guide.levels;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/error.hpp"
+#include "base/time_spans.hpp"
 #include "lpe/automaton.hpp"
 #include "render/render.hpp"
 #include "render/task_function.hpp"
@@ -113,6 +114,7 @@ PassStatistics render_pass(const Scene& scene, const IntegratorSettings& setting
   const auto start = std::chrono::steady_clock::now();
 
   const auto work = [&] {
+    const TimeSpan span("trace paths");
     set_float_mode();
     const auto worker = std::make_unique<Worker>();
     for (size_t i; !stop && (i = next++) < tasks.size(); ++done)

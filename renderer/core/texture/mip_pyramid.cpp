@@ -10,6 +10,7 @@
 #endif
 
 #include "base/error.hpp"
+#include "base/time_spans.hpp"
 
 namespace primray {
 namespace {
@@ -169,6 +170,7 @@ int last_level_of(int width, int height) {
 }
 
 TextureImage make_image(std::span<const float> pixels, int width, int height, int channels, int first_level, bool one_level) {
+  const TimeSpan span("make a texture's levels");
   TextureImage image;
   image.width = width, image.height = height, image.channels = channels;
   const int coarsest = last_level_of(width, height);

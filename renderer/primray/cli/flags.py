@@ -68,6 +68,14 @@ FLAGS: dict[str, Flag] = {
         shown=False,
         commands=RENDER,
     ),
+    "profile": Flag(
+        ("--profile",),
+        "Write a trace of where the time goes, which https://ui.perfetto.dev opens.",
+        str,
+        metavar="FILE",
+        shown=False,
+        commands=RENDER,
+    ),
     "pilot_seconds": Flag(
         ("--pilot",),
         "Seconds of sampling for the pilot render.",

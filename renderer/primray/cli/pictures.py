@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ..diagnostic_messages import SequenceNotices, print_diagnostics
 from ..errors import SettingsError, UnsupportedError
 from ..images.encoding import Encoding, check_bit_depth, check_half
+from ..time_spans import span
 from .output_targets import TevOutputs, check_standard, is_standard, is_tev, suffix_of, write_standard
 
 if TYPE_CHECKING:
@@ -172,7 +173,8 @@ def write(image: Image, shot: Shot, looks: Looks) -> bool:
     """
     files, held = shot.files, shot.image_in
     start = time.perf_counter()
-    written, looks = save_all(files, lambda file, looks: save(held(file, image), file, looks), looks, image)
+    with span("write"):
+        written, looks = save_all(files, lambda file, looks: save(held(file, image), file, looks), looks, image)
     kept = _keep_record(image, [file for file in files if file not in written], written, looks)
     report = finished_report(image, with_files_beside(image, written + kept, held), time.perf_counter() - start, looks, held)
     whole = shot.report is None or write_report(shot.report_file_of(report), shot.report, looks)

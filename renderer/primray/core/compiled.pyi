@@ -30,6 +30,14 @@ def watch_memory(
     End the process with a message before it holds more than `bytes`; 0: stop watching.
     """
 
+def record_spans(on: bool) -> None:
+    """Start or stop recording time spans of the core's work."""
+
+def take_spans() -> list[tuple[str, int, int, int]]:
+    """
+    Return the recorded spans, each its name, thread, and begin and end in nanoseconds of time.monotonic_ns(), and forget them.
+    """
+
 class CoreError(Exception):
     pass
 

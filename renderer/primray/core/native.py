@@ -21,6 +21,7 @@ from typing import NoReturn
 from .. import errors
 from ..installed_packages import library_of, version_of
 from ..settings import RenderSettings
+from ..time_spans import is_recording
 
 # CPU flags that each class requires, as Linux names them (x86-64 psABI, section 3.1.1); newest class first.
 ISA_FLAGS = {
@@ -102,7 +103,13 @@ def load(isa: str) -> ModuleType:
             f"this build of primray has no {isa} core; `make cores` in its source tree compiles those that this CPU supports"
         ) from error
     core.load_embree(str(_embree_path()))
+    core.record_spans(is_recording())
     return core
+
+
+def loaded() -> list[ModuleType]:
+    """Return the extension modules that this process has loaded."""
+    return [module for name, module in list(sys.modules.items()) if re.fullmatch(r"primray\._core_v\d", name)]
 
 
 def _imported(name: str) -> ModuleType:
@@ -121,11 +128,11 @@ def _imported(name: str) -> ModuleType:
 def is_outdated() -> bool:
     """Return whether a module that is loaded is older than the core's sources, where these are beside the package."""
     sources = Path(__file__).resolve().parents[2] / "core"
-    loaded = [m for name, m in list(sys.modules.items()) if re.fullmatch(r"primray\._core_v\d", name)]
-    if not loaded or not sources.is_dir():
+    modules = loaded()
+    if not modules or not sources.is_dir():
         return False
     newest = max((file.stat().st_mtime for file in sources.rglob("*.[ch]pp")), default=0.0)
-    return any(Path(str(module.__file__)).stat().st_mtime < newest for module in loaded)
+    return any(Path(str(module.__file__)).stat().st_mtime < newest for module in modules)
 
 
 @cache

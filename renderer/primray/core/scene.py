@@ -21,6 +21,7 @@ from ..settings import DEFAULT_FILTER_WIDTH, Filter, RenderSettings
 from ..tessellation import dice as dicing
 from ..tessellation.dice import dice_patches_of
 from ..tessellation.ribbons import dice_ribbons
+from ..time_spans import span
 from . import compiled
 from .displacement_upload import displacements
 from .inputs import integrator_settings
@@ -96,7 +97,8 @@ class CoreScene:
         if depth not in self._splits:
             pilot = integrator_settings(settings, caustics=self.caustics(settings))
             try:
-                self._splits[depth] = Splits(*compiled.choose_splits(self._scene, pilot, lanes()))
+                with span("choose splits"):
+                    self._splits[depth] = Splits(*compiled.choose_splits(self._scene, pilot, lanes()))
             except compiled.CoreError as error:
                 raise_primray_error(error)
         return self._splits[depth]
@@ -111,7 +113,8 @@ class CoreScene:
             asked = integrator_settings(
                 settings, splits=splits.paths, light_samples=splits.lights, caustics=self.caustics(settings)
             )
-            self._guides[*depth, splits] = compiled.learn_guide(self._scene, asked, lanes())
+            with span("path guide"):
+                self._guides[*depth, splits] = compiled.learn_guide(self._scene, asked, lanes())
         return self._guides[*depth, splits]
 
     def caustics(self, settings: RenderSettings) -> compiled.CausticGuide | None:
@@ -124,7 +127,8 @@ class CoreScene:
             return None
         depth = max_depth(settings)
         if depth not in self._caustics:
-            self._caustics[depth] = compiled.learn_caustics(self._scene, depth, threads(settings), lanes())
+            with span("caustics"):
+                self._caustics[depth] = compiled.learn_caustics(self._scene, depth, threads(settings), lanes())
         return self._caustics[depth]
 
     def lpe_automaton(self, settings: RenderSettings) -> compiled.LpeAutomaton | None:

@@ -30,6 +30,7 @@ from ..description.motion import handed_over
 from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
 from ..description.volumes import volume_boxes
 from ..lens.distortion import Distortion
+from ..time_spans import span
 from . import compiled
 from .inputs import filled, phase_number
 from .light_upload import LightGroups, LightUpload
@@ -84,7 +85,8 @@ def upload_scene(
     surfaces = inputs.add_surfaces(d.surfaces)
     warnings.extend(inputs.warnings)
     handing = ShapeUpload(builder, inputs, lights, surfaces, shapes, full_boxes, warnings, record)
-    handing.add(d.static, origin, scale)
+    with span("hand over shapes"):
+        handing.add(d.static, origin, scale)
     rows = handing.rows_of_last()
     instances = sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)]))
     builder.reserve_instances(instances)
@@ -98,15 +100,17 @@ def upload_scene(
         warnings=warnings,
         record=record,
     )
-    # Prototypes that contain placements come last: the prototypes they place have their numbers by then.
-    for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
-        corner, opposite = prototype_boxes[i]
-        center, unit = (corner + opposite) / 2, power_of_two_scale(float(np.max(opposite - corner)) / 2)
-        numbers[i] = builder.begin_prototype(center.tolist(), unit)
-        handing.add(proto.shapes, center, unit)
-        placements.add(proto.placements, numbers[i], center, unit)
-    placements.add(d.placements, 0, origin, scale)
-    lights.add(d.lights, textures)
+    with span("hand over instances"):
+        # Prototypes that contain placements come last: the prototypes they place have their numbers by then.
+        for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
+            corner, opposite = prototype_boxes[i]
+            center, unit = (corner + opposite) / 2, power_of_two_scale(float(np.max(opposite - corner)) / 2)
+            numbers[i] = builder.begin_prototype(center.tolist(), unit)
+            handing.add(proto.shapes, center, unit)
+            placements.add(proto.placements, numbers[i], center, unit)
+        placements.add(d.placements, 0, origin, scale)
+    with span("hand over lights"):
+        lights.add(d.lights, textures)
     if d.volumes:  # imported here, since most scenes have none
         from .volume_upload import VolumeUpload
 
@@ -120,12 +124,14 @@ def upload_scene(
         builder.set_rolling_shutter(*d.exposure.rolling)
     camera = camera_input(d.camera, d.frame, d.camera_motion)
     builder.set_camera(filled(camera, filter_width=filter_width, filter_inverse_cdf=filter_inverse_cdf))
-    inputs.add_images(kept)
+    with span("hand over images"):
+        inputs.add_images(kept)
     items = sum(points_and_triangles(shapes)) + instances
     shapes.clear()
     if items > WORTH_ITEMS:
         give_back()
-    scene = builder.finish()
+    with span("finish the scene"):
+        scene = builder.finish()
     is_editable = d.exposure is None and boxes is full_boxes and not lights.has_mesh_lights
     return scene, UploadRecord(
         description=d,

@@ -58,8 +58,11 @@ def composing_settings(settings: RenderSettings) -> tuple[Any, ...]:
 
 def open_once(stage: str | os.PathLike[str] | Any, settings: RenderSettings) -> OpenedStage:
     """Open a stage as `settings` compose it, for `render_frames` and for inspection before rendering."""
-    from .. import usd
     from ..report.report import Costs
+    from ..time_spans import span
+
+    with span("import USD"):
+        from .. import usd
 
     costs, diagnostics = Costs(), Diagnostics()
     with costs.stage("open"):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..installed_packages import version_of
 from ..settings import BIAS, DEFAULT_FILTER_WIDTH, Metric, RenderSettings, settings_as_json
+from ..time_spans import span
 from ..version import __version__
 
 if TYPE_CHECKING:
@@ -40,7 +41,8 @@ class Costs:
             self.on_stage(name)
         start, cpu = time.perf_counter(), cpu_seconds()
         try:
-            yield
+            with span(name):
+                yield
         finally:
             self.stages_s[name] = self.stages_s.get(name, 0.0) + time.perf_counter() - start
             if name == "render":

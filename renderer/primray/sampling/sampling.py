@@ -13,6 +13,7 @@ import numpy.typing as npt
 from .. import core
 from ..errors import SettingsError
 from ..settings import SAMPLE_BLOCK, Metric, RenderSettings
+from ..time_spans import count, span
 from .adaptive import Plan, make_plan
 from .error import ALL_PIXELS, DisplayView, ErrorCurve, ErrorRow, FrameError, is_measurable, measure
 from .schedule import Measurement, Schedule, Stop
@@ -142,7 +143,10 @@ class Sampling:
         if not poll(0.0):
             self._end(why)
             return why
-        done = core.render_pass(self.scene, self.film, goal.ends, self.splits, self.settings, poll)
+        with span("pass", samples=goal.samples - self.done, to=goal.samples):
+            done = core.render_pass(self.scene, self.film, goal.ends, self.splits, self.settings, poll)
+        count("samples per pixel", self.mean_samples)
+        count("million rays", lambda: self.film.rays / 1e6)
         self.seconds = before + time.perf_counter() - start
         self.busy_lanes += done.busy_lanes
         self.shaded_lanes += done.shaded_lanes
@@ -209,8 +213,9 @@ class Sampling:
     def _error(self, *, shown: bool, most_pixels: int = ALL_PIXELS) -> FrameError | None:
         """Measure the error, on a display too if `shown`; the time counts as sampling."""
         start = time.perf_counter()
-        view = self._display_view() if shown and is_measurable(self.film) else None
-        error = measure(self.film, core.threads(self.settings), view, most_pixels)
+        with span("measure"):
+            view = self._display_view() if shown and is_measurable(self.film) else None
+            error = measure(self.film, core.threads(self.settings), view, most_pixels)
         self.seconds += time.perf_counter() - start
         return error
 

@@ -23,6 +23,7 @@ from ..diagnostics import Diagnostic, Diagnostics
 from ..errors import AssetError, LimitError
 from ..photometry.flux import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from ..photometry.light_shape import shape_key
+from ..time_spans import span
 from .texture import ReadAsset, Texture, load_texture
 
 TextureSet = dict[TextureFile, list[tuple[int, Texture]]]
@@ -122,7 +123,8 @@ def _load(
     file: TextureFile, path: str, use: Use, read: ReadAsset | None, default_wrap: Wrap = Wrap.BLACK
 ) -> Texture | AssetError | LimitError:
     try:
-        return load_texture(file, read, path=path, channels=frozenset(use.channels), default_wrap=default_wrap)
+        with span("read an image", file=path):
+            return load_texture(file, read, path=path, channels=frozenset(use.channels), default_wrap=default_wrap)
     except (AssetError, LimitError) as error:
         return error
 

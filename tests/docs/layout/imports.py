@@ -26,6 +26,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
         "composition",
         "diagnostic_codes",
         "process_memory",
+        "time_spans",
         "diagnostics",
         "diagnostic_messages",
     ),

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "accel/query.hpp"
+#include "base/time_spans.hpp"
 #include "bsdf/bsdf_with_open_pbr.hpp"
 #include "build/inputs/input_facts.hpp"
 #include "guiding/caustic_guide.hpp"
@@ -506,6 +507,7 @@ std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int th
     std::vector<CausticPhoton> landed[kRound / kTask];
     std::atomic<int> next{0};
     const auto work = [&] {
+      const TimeSpan span("trace photons");
       set_float_mode();
       for (int i; (i = next++) < kRound / kTask;) photons.trace(uint32_t(rounds * kRound + i * kTask), landed[i]);
     };

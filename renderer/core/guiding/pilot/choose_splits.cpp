@@ -7,6 +7,7 @@
 #include <limits>
 #include <thread>
 
+#include "base/time_spans.hpp"
 #include "guiding/pilot/pilot.hpp"
 
 namespace primray {
@@ -125,6 +126,7 @@ Splits choose_splits(const Scene& scene, const IntegratorSettings& settings, Tas
   std::array<std::unique_ptr<Pilot>, kChoices> pilots;
   std::unique_ptr<Pilot> lit;
   const auto pilot = [&](int splits, int light_samples) {
+    const TimeSpan span("pilot that chooses splits");
     IntegratorSettings chosen = settings;
     chosen.splits = splits, chosen.light_samples = light_samples;
     return std::make_unique<Pilot>(scene, chosen, task);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <thread>
 
+#include "base/time_spans.hpp"
 #include "guiding/caustic_guide.hpp"
 #include "guiding/guide.hpp"
 #include "guiding/pilot/caustic_photons.hpp"
@@ -42,6 +43,7 @@ double error_without(const Pilot& pilot, const GuideLog& log) {
 }
 
 bool pays(const Scene& scene, int max_depth, const CausticGuide& guide, TaskFunction task) {
+  const TimeSpan span("compare with and without photons");
   IntegratorSettings settings{max_depth, 1, 0, 1};
   settings.caustics = &guide;
   GuideLog log(Worker::kSlots);

@@ -14,6 +14,7 @@
 #include <numeric>
 #include <thread>
 
+#include "base/time_spans.hpp"
 #include "guiding/caustic_guide.hpp"
 #include "guiding/pilot/pilot.hpp"
 
@@ -360,6 +361,7 @@ std::unique_ptr<Guide> Learnt::build(bool in_media) const {
 template <class F>
 void on_two_threads(int first, int end, F f) {
   const auto half = [&](int begin) {
+    const TimeSpan span("paths of the path guide");
     set_float_mode();
     for (int i = begin; i < end; i += 2) f(i);
   };
@@ -417,6 +419,7 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
   std::unique_ptr<Guide> guide;
   double cost = 1;  // relative to paths without a guide
   const auto work = [&] {
+    const TimeSpan span("learn the path guide");
     set_float_mode();
     Comparison comparison;
     comparison.plain[0] = std::make_unique<Pilot>(scene, settings, task);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "base/time_spans.hpp"
 #include "subdivision/dicing/flatness.hpp"
 #include "subdivision/dicing/level.hpp"
 #include "subdivision/dicing/mover.hpp"
@@ -431,7 +432,10 @@ class Dicer {
 
 }  // namespace
 
-Diced dice(const DiceInput& input) { return Dicer(input).run(); }
+Diced dice(const DiceInput& input) {
+  const TimeSpan span("dice a cage");
+  return Dicer(input).run();
+}
 
 int64_t estimated_triangles(const DiceInput& input) { return Dicer(input).estimate(); }
 

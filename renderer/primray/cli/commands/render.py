@@ -8,15 +8,18 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ... import process_memory
 from ...errors import SettingsError
 from ...render.frames import FrameName, check_names, default_name, frame_name, name_of_frame
+from ...report.profile import profile as recorded
 from ...settings import RenderSettings
+from ...time_spans import span
 from .. import option_values
 from ..flags import (
     CONTENTS,
@@ -55,6 +58,17 @@ if TYPE_CHECKING:
     from ...sampling.sampling import Progress
 
 
+def profiled(command: Callable[..., None]) -> Callable[..., None]:
+    """Return the command with a trace of it written, if --profile asks for one."""
+
+    @wraps(command)
+    def run(*args: Any, profile: str | None = None, **given: Any) -> None:
+        with nullcontext() if profile is None else recorded(profile, from_start=True):
+            command(*args, **given)
+
+    return run
+
+
 @in_order(
     *("scene", "output", "outputs", *VIEWPOINT, "product", "all_products", "output_dir", "record", *SIZE, *FRAMES),
     *("spp", "target_error", "error_metric", "time_limit_s", "denoise", "stop_at", "sample_range"),
@@ -89,6 +103,7 @@ if TYPE_CHECKING:
         "snapshot",
         "ray",
         "debug_pixel",
+        "profile",
         "report",
         "json",
         *LIGHTING,
@@ -99,6 +114,7 @@ if TYPE_CHECKING:
     ),
     *("list_cameras", "verbose"),
 )
+@profiled
 def render(
     scene: str,
     output: str | None = None,
@@ -352,7 +368,8 @@ def _render_shots(
     checkpointing: list[Checkpointing | None],
     snapshot_s: float | None,
 ) -> None:
-    from ...incremental.scene import quiet_frames
+    with span("import"):
+        from ...incremental.scene import quiet_frames
 
     rendering: list[Shot] = []
 
