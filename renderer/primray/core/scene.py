@@ -177,6 +177,7 @@ class CoreScene:
         """Features beyond opaque faceted Lambert triangles that are enabled, and why; guides once they are learnt."""
         s = self._scene
         guides = [guide for guide in self._guides.values() if guide is not None]
+        copies = 0 if self.uploaded is None else len(self.uploaded.copies)
         regions = max((guide.regions for guide in guides), default=0)
         photons = max((guide.photons for guide in self._caustics.values() if guide is not None), default=0)
         if any(guide.alone for guide in guides):
@@ -184,6 +185,11 @@ class CoreScene:
         rows = [
             (s.has_instances, "instances", "prototypes are placed more than once"),
             (s.has_curves, "curves", "the scene has curves"),
+            (
+                copies > 0,
+                f"instances of curves as curves of the world ({copies})",
+                "they overlap: one hierarchy finds hits sooner",
+            ),
             (s.has_spheres, "exact spheres", "the scene has Sphere prims"),
             (s.has_attributes, "vertex attributes", "meshes have normals or varying displayColor"),
             (s.textures > 0, f"textures ({s.texture_bytes / 2**20:.1f} MiB)", "surfaces' inputs are connected to images"),

@@ -19,6 +19,7 @@ from ..description import (
     Frame,
     Mesh,
     MovingInstances,
+    Placed,
     Placement,
     Projection,
     SceneDescription,
@@ -35,6 +36,7 @@ from . import compiled
 from .inputs import filled, phase_number
 from .light_upload import LightGroups, LightUpload
 from .motion_times import with_common_times
+from .overlapping_curves import with_curves_in_world
 from .scene_record import SceneRecord, ShapeRows
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
 from .single_precision import (
@@ -67,7 +69,8 @@ def upload_scene(
     """
     shapes = list(description.shapes) if shapes is None else shapes
     warnings: list[tuple[str, str, str]] = []
-    d = separate_skewed(with_common_times(separate_stretched_curves(description, shapes), shapes, warnings), shapes)
+    d, copies = with_curves_in_world(separate_stretched_curves(description, shapes), shapes)
+    d = separate_skewed(with_common_times(d, shapes, warnings), shapes)
     full_boxes = shape_boxes(shapes)
     boxes = boxes_without_outliers(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
@@ -150,6 +153,7 @@ def upload_scene(
         shape_rows=handing.shape_rows,
         light_paths=lights.paths,
         dome_paths=lights.dome_paths,
+        copies=copies,
     )
 
 
@@ -186,6 +190,7 @@ class UploadRecord:
     shape_rows: ShapeRows
     light_paths: dict[int, str]  # by the core's row, of lights that are prims of their own
     dome_paths: list[str]  # in the core's order
+    copies: tuple[Placed, ...]  # of instances of curves that overlap: the last of the description's static shapes
 
     @property
     def bounds(self) -> Box | None:

@@ -285,6 +285,15 @@ def is_similar(m: Doubles) -> bool:
     return bool(size > 0 and np.abs(square - size * np.eye(3)).max() <= ROUND * size)
 
 
+def are_similar(rows: Doubles) -> Flags:
+    """Return the mask of matrices (n, 3, 4) that `is_similar` holds for."""
+    with np.errstate(all="ignore"):
+        square = rows[:, :, :3].transpose(0, 2, 1) @ rows[:, :, :3]
+        size = np.trace(square, axis1=1, axis2=2) / 3
+        off = np.abs(square - size[:, None, None] * np.eye(3)).max(axis=(1, 2))
+        return np.asarray((size > 0) & (off <= ROUND * size))
+
+
 def _split_stretched(placed: Sequence[Placed], shapes: Sequence[Shape]) -> tuple[tuple[Placed, ...], list[Placed]]:
     stretched = [isinstance(shapes[p.shape], Curves) and not is_similar(p.matrix) for p in placed]
     kept = tuple(p for p, is_apart in zip(placed, stretched, strict=True) if not is_apart)

@@ -91,12 +91,17 @@ def _updated_placements(
 ) -> tuple[UploadRecord, list[tuple[int, Placed, Placed]]] | None:
     """Return the upload for the new description, and the static shapes that moved: core's row, before and now. None:
     rebuild."""
-    d = replace(now, prototypes=uploaded.description.prototypes, placements=uploaded.description.placements)
+    given = uploaded.description
+    are_numbered_alike = len(given.static) == len(before.static) + len(uploaded.copies)  # no stretched curves among them
+    static = (*now.static, *uploaded.copies) if are_numbered_alike else given.static
+    d = replace(now, static=static, prototypes=given.prototypes, placements=given.placements)
     if len(before.static) != len(now.static):
         return None
     numbers = [i for i, (a, b) in enumerate(zip(before.static, now.static, strict=True)) if a is not b]
     if not numbers:
         return replace(uploaded, description=d), []
+    if not are_numbered_alike:
+        return None
     moved = [(uploaded.rows[i], before.static[i], now.static[i]) for i in numbers]
     if any(row < 0 or a.shape != b.shape or a.instance != b.instance for row, a, b in moved):
         return None

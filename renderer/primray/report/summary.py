@@ -14,6 +14,7 @@ import numpy as np
 
 from .. import core
 from ..arrays import Doubles
+from ..core.overlapping_curves import copied_segments
 from ..description import (
     Curves,
     DisplacedMesh,
@@ -128,7 +129,7 @@ def summary(
     parts = {
         "geometry": 2 * _array_bytes(shapes)
         + sum(n * _diced_bytes(s) for n, s in zip(count, shapes, strict=True) if isinstance(s, SubdivisionMesh | NurbsPatch))
-        + sum(int(s.segments.sum()) for s in shapes if isinstance(s, Curves)) * SEGMENT_BYTES
+        + (sum(int(s.segments.sum()) for s in shapes if isinstance(s, Curves)) + copied_segments(description)) * SEGMENT_BYTES
         + len(shapes) * SHAPE_BYTES,
         "acceleration structures": hierarchies,
         "textures": kept + max(loading - hierarchies, 0),  # hierarchies are built when the images are gone
