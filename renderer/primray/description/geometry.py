@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Doubles, Floats, Ints
+from ..arrays import Doubles, Floats, Ints, extremes
 
 if TYPE_CHECKING:
     from .lighting import Light
@@ -230,7 +230,7 @@ def _box_of_balls(balls: Floats) -> tuple[Doubles, Doubles]:
 
 
 def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = extremes(points)
     return low.astype(np.float64), high.astype(np.float64)
 
 

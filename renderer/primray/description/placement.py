@@ -18,13 +18,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Doubles
+from ..arrays import Doubles, Numbers, chosen_rows, extremes
 from .geometry import Interpolation, Primvar
 
 CHUNK = 1 << 14  # matrices at a time: 1.5 MB
 IDENTITY: Doubles = np.eye(4)[:3]
 
-Numbers = npt.NDArray[np.floating[Any]]
 Box = tuple[Doubles, Doubles]
 
 
@@ -45,7 +44,9 @@ class MatrixInstances:
 
     def take(self, chosen: npt.NDArray[Any]) -> MatrixInstances:
         """Return the instances chosen by a mask or an array of indices."""
-        return MatrixInstances(self.matrices[chosen], _take(self.primvars, chosen), _take_names(self.names, chosen))
+        return MatrixInstances(
+            chosen_rows(self.matrices, chosen), _take(self.primvars, chosen), _take_names(self.names, chosen)
+        )
 
     def placed(self, outer: Doubles, name: str = "") -> MatrixInstances:
         """Return the instances transformed by a further matrix (3, 4), below an instance called `name`."""
@@ -80,12 +81,12 @@ class PointInstances:
 
     def take(self, chosen: npt.NDArray[Any]) -> PointInstances:
         """Return the instances chosen by a mask or an array of indices."""
-        orientations = None if self.orientations is None else self.orientations[chosen]
-        scales = None if self.scales is None else self.scales[chosen]
+        orientations = None if self.orientations is None else chosen_rows(self.orientations, chosen)
+        scales = None if self.scales is None else chosen_rows(self.scales, chosen)
         primvars, names = _take(self.primvars, chosen), _take_names(self.names, chosen)
         return PointInstances(
             outer=self.outer,
-            positions=self.positions[chosen],
+            positions=chosen_rows(self.positions, chosen),
             orientations=orientations,
             scales=scales,
             primvars=primvars,
@@ -209,10 +210,11 @@ def _level_box(level: Instances, box: Box) -> Box:
 
 
 def _points_box(level: PointInstances, box: Box) -> Box:
-    low, high = (getattr(level.positions, f)(axis=0).astype(np.float64) for f in ("min", "max"))
+    low, high = (corner.astype(np.float64) for corner in extremes(level.positions))
     sizes = np.ones(3)
     if level.scales is not None:
-        sizes = np.maximum(np.abs(level.scales.min(axis=0)), np.abs(level.scales.max(axis=0))).astype(np.float64)
+        least, most = extremes(level.scales)
+        sizes = np.maximum(np.abs(least), np.abs(most)).astype(np.float64)
     far = np.maximum(np.abs(box[0]), np.abs(box[1])) * sizes
     if level.orientations is not None:
         far = np.full(3, np.linalg.norm(far))
@@ -222,7 +224,7 @@ def _points_box(level: PointInstances, box: Box) -> Box:
 
 
 def _take(primvars: tuple[Primvar, ...], chosen: npt.NDArray[Any]) -> tuple[Primvar, ...]:
-    return tuple(replace(p, values=p.values[chosen]) for p in primvars)
+    return tuple(replace(p, values=chosen_rows(p.values, chosen)) for p in primvars)
 
 
 def _take_names(names: Names | None, chosen: npt.NDArray[Any]) -> Names | None:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from pxr import Sdf
 
-from ...arrays import Doubles
+from ...arrays import Doubles, finite_rows
 from ...description.placement import Names, PointInstances
 from ..motion.attributes import ArrayPath, Rows, bend_times, is_animated
 from ..motion.levels import MovingLevel, moving_level
@@ -177,11 +177,11 @@ def _instances(prim: ResolvedPrim, positions: npt.NDArray[Any], ctx: Context) ->
 
 def _finite(instances: PointInstances) -> npt.NDArray[np.bool_]:
     """Return the mask of instances whose transform is finite."""
-    finite = np.asarray(np.isfinite(instances.positions).all(axis=1))
+    finite = finite_rows(instances.positions)
     finite &= bool(np.isfinite(instances.outer).all())
     for values in (instances.orientations, instances.scales):
         if values is not None:
-            finite &= np.isfinite(values).all(axis=1)
+            finite &= finite_rows(values)
     return finite
 
 
