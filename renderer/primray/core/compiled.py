@@ -13,4 +13,5 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if not hasattr(module(), name):
         raise AttributeError(f"the compiled core has no {name!r}: if it is older than these sources, `make setup` compiles it")
-    return getattr(module(), name)
+    found = globals()[name] = getattr(module(), name)  # asked for once
+    return found

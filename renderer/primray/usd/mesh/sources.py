@@ -18,14 +18,15 @@ _PREFIXES = ("xformOp:", "material:binding")
 
 
 def source_of(prim: ResolvedPrim, ctx: Context) -> Source | None:
-    """Return a key of the prim's type and the specs that decide its geometry; None where others cannot have the same."""
+    """Return a key of the prim's type and the specs that decide its geometry; None where it has opinions of its own, or others
+    cannot have the same."""
     if ctx.when.careful or not ctx.when.is_default or not ctx.timing.is_frame:
         return None
     stack = prim.prim.GetPrimStack()
-    if len(stack) < 2:
+    deciding = stack if len(stack) < 2 else [spec for spec in stack if not _is_apart(spec)]
+    if not deciding or deciding[0].path.pathString == prim.path:
         return None
-    deciding = [spec for spec in stack if not _is_apart(spec)]
-    return (prim.type_name, *deciding) if len(deciding) < len(stack) else None
+    return (prim.type_name, *deciding)
 
 
 def _is_apart(spec: Sdf.PrimSpec) -> bool:

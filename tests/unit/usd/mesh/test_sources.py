@@ -56,6 +56,22 @@ def test_prims_that_are_only_placed_and_coloured(monkeypatch: pytest.MonkeyPatch
     assert len({mesh.surface for mesh in meshes}) == 2
 
 
+def test_meshes_below_a_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing of them is authored where they are, but for what hides, moves or shapes one."""
+    kind = KIND.replace('def Mesh "kind"', 'def Xform "kind"\n    {\n    def Mesh "body"') + "}\n"
+    below = 'over "body"\n{\n%s\n}\n'
+    own = [
+        "",
+        below % "double3 xformOp:translate = (0, 1, 0)",
+        below % "point3f[] points = [(0, 0, 0), (3, 0, 0), (0, 3, 0), (1, 1, 1)]",
+    ]
+    stage = stage_of(kind + "".join(PLACED % (f"p{k}", k, text) for k, text in enumerate([*own, ""])))
+    reads, meshes = counted(stage, monkeypatch)
+    assert (reads, [mesh.path for mesh in meshes]) == (2, [f"/p{k}/body" for k in range(4)])
+    assert meshes[0].points is meshes[1].points is meshes[3].points
+    assert meshes[2].points[1, 0] == 3
+
+
 @pytest.mark.parametrize(
     "own",
     [
