@@ -10,6 +10,7 @@ from pxr import Sdf
 
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
+from ..stage.metadata import names_in
 
 Source = tuple[str | Sdf.PrimSpec, ...]
 # Properties that the geometry does not depend on.
@@ -30,4 +31,7 @@ def source_of(prim: ResolvedPrim, ctx: Context) -> Source | None:
 
 
 def _is_apart(spec: Sdf.PrimSpec) -> bool:
-    return all(name in _APART or name.startswith(_PREFIXES) for name in spec.properties.keys())  # noqa: SIM118 - specs otherwise
+    for name in names_in(spec):  # noqa: SIM110 - all() takes twice as long for so few
+        if name not in _APART and not name.startswith(_PREFIXES):
+            return False
+    return True
