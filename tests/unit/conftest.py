@@ -78,7 +78,7 @@ class FakePipeline:
             diagnostics.add(code, path, message)
         return stage
 
-    def translate(self, stage: Any, settings: primray.RenderSettings) -> tuple[SceneDescription, Diagnostics]:
+    def translate(self, stage: Any, settings: primray.RenderSettings, _: object) -> tuple[SceneDescription, Diagnostics]:
         self.calls.append(f"translate {settings.time_code}")
         diagnostics = Diagnostics()
         for code, path, message in self.diagnostics:

@@ -16,6 +16,7 @@ from typing import NoReturn
 from .. import process_memory
 from ..errors import PrimrayError
 from ..render.interruption import INTERRUPTED, end_at_once, install, interrupt
+from . import lazy_dataclasses
 from .console import exit_code_of, finish, make_lasting, print_error, print_json_error
 from .foreign_command_lines import translate_foreign_flags
 from .quick import render_arguments
@@ -39,6 +40,7 @@ def _start() -> None:
     gc.set_threshold(200_000, 20, 20)
     sys.setdlopenflags(os.RTLD_LAZY)  # most functions of USD's libraries are never called
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would spin during imports, and are not needed
+    lazy_dataclasses.install()
     make_lasting()
 
 
