@@ -11,7 +11,9 @@ from .native import module
 def __getattr__(name: str) -> object:
     if name.startswith("__"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    if not hasattr(module(), name):
-        raise AttributeError(f"the compiled core has no {name!r}: if it is older than these sources, `make setup` compiles it")
-    found = globals()[name] = getattr(module(), name)  # asked for once
-    return found
+    core = module()
+    try:
+        return getattr(core, name)  # at each use: tests put other modules in its place
+    except AttributeError:
+        message = f"the compiled core has no {name!r}: if it is older than these sources, `make setup` compiles it"
+        raise AttributeError(message) from None
