@@ -15,7 +15,7 @@ Edit = Callable[[Usd.Stage, random.Random], str]
 
 
 def stage_of(r: random.Random, image: str = "") -> Usd.Stage:
-    """With that file on one of the materials."""
+    """With that file on materials, and on a dome where there is one."""
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, "Y")
     for k in range(MATERIALS):
@@ -32,7 +32,10 @@ def stage_of(r: random.Random, image: str = "") -> Usd.Stage:
         light.CreateIntensityAttr(r.uniform(0.5, 3.0) * (1 if kind is UsdLux.DistantLight else 20))
         _place(light, r)
     if r.random() < 0.5:
-        UsdLux.DomeLight.Define(stage, "/dome").CreateIntensityAttr(0.2)
+        dome = UsdLux.DomeLight.Define(stage, "/dome")
+        dome.CreateIntensityAttr(0.2)
+        if image:
+            dome.CreateTextureFileAttr(image)
     if r.random() < 0.5:
         _instances(stage, r)
     for name in ("cam", "other"):

@@ -80,6 +80,7 @@ void bind_light(nb::module_& m, nb::class_<SceneBuilder>& builder) {
       .def_rw("shadow_falloff", &HeldLight::shadow_falloff)
       .def_rw("shadow_gamma", &HeldLight::shadow_gamma)
       .def_rw("format", &HeldLight::format)
+      .def_rw("earlier_dome", &HeldLight::earlier_dome)
       .def_rw("shaping", &HeldLight::shaping)
       .def_rw("own_color", &HeldLight::own)
       .def_rw("shows_own", &HeldLight::shown)

@@ -11,9 +11,10 @@
 namespace primray {
 namespace {
 
-// Textures of a scene that is not rendered any more.
+// Textures and domes of a scene that is not rendered any more.
 struct KeptTextures {
   std::vector<Texture> textures;
+  std::vector<Dome> domes;
 };
 
 void set_texture_image(SceneBuilder& b, int texture, int tile, InArray<float> pixels) {
@@ -98,7 +99,7 @@ void bind_scene(nb::module_& m) {
                    [](const Scene& s) { return s.volumes ? s.volumes->in_media.size() + s.volumes->in_emissions.size() : 0; })
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
   nb::class_<KeptTextures>(m, "KeptTextures").def("__init__", [](KeptTextures* kept, Scene& scene) {
-    new (kept) KeptTextures{std::move(scene.textures)};
+    new (kept) KeptTextures{std::move(scene.textures), std::move(scene.lights.domes)};
   });
   nb::class_<SceneBuilder> builder(m, "SceneBuilder");
   builder
@@ -110,6 +111,7 @@ void bind_scene(nb::module_& m) {
            [](SceneBuilder& b, int texture, KeptTextures& earlier, int number) {
              return b.take_texture_images(texture, earlier.textures.at(size_t(number)));
            })
+      .def("keep_domes", [](SceneBuilder& b, KeptTextures& earlier) { b.keep_domes(std::move(earlier.domes)); })
       .def("set_primvar_names", &SceneBuilder::set_primvar_names)
       .def("add_surface", [](SceneBuilder& b, const SurfaceInput& constants, std::vector<InputSource> varying,
                              int tape) { return b.add_surface(constants, std::move(varying), tape); })

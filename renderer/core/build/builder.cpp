@@ -83,6 +83,7 @@ SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene) : scene_(std::move(scen
   group_origin_ = s.origin, group_scale_ = s.scale;
   s.positions.resize(s.positions.size() - 4), s.indices.pop_back();  // what finish() added; their memory stays
   s.surfaces = {}, s.surface_inputs_of.clear(), s.surface_inputs.clear(), s.tapes.clear();
+  keep_domes(std::move(s.lights.domes));
   LinkTable links = std::move(s.lights.links);
   s.lights = {}, s.lights.links = std::move(links);
   s.emitters = {}, s.outlines = {}, s.interiors = {}, s.volumes.reset();

@@ -48,6 +48,9 @@ class SceneBuilder {
   // given again, with the same numbers of surfaces and textures. It must have neither motion nor shapes that are lights.
   explicit SceneBuilder(std::unique_ptr<Scene> scene);
 
+  // Keeps the domes of a scene that is not rendered any more, for lights that say `earlier_dome`. Each may be taken once, and
+  // none that had portals. A reopened scene keeps its own.
+  void keep_domes(std::vector<Dome> domes) { earlier_domes_ = std::move(domes); }
   // Number of primvar names that the surfaces' inputs read; must be set before any shape.
   void set_primvar_names(int count) { scene_->primvars.names = count; }
   // Adds a surface with constants and varying inputs; textures by their number.
@@ -187,6 +190,7 @@ class SceneBuilder {
   // Reopened scene.
   bool is_reopened_ = false, keeps_accel_ = false;
   int next_texture_ = 0;
+  std::vector<Dome> earlier_domes_;
   int32_t link_row_ = 0;
 };
 

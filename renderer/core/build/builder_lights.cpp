@@ -27,7 +27,8 @@ std::optional<int> SceneBuilder::add_light(const LightInput& light, int image) {
   LightTable& table = scene_->lights;
   const int rows = table.count;
   const size_t domes = table.domes.size();
-  add_light_rows(light, scene_->origin, scene_->scale, table, image);
+  Dome* const earlier = light.earlier_dome < 0 ? nullptr : &earlier_domes_.at(size_t(light.earlier_dome));
+  add_light_rows(light, scene_->origin, scene_->scale, table, image, earlier);
   add_light_path(light, scene_->origin, scene_->scale, rows, domes, table);
   return table.count > rows ? std::optional(rows) : std::nullopt;
 }

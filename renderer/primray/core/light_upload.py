@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +11,7 @@ from ..arrays import Doubles, Floats
 from ..description import Light, LightType, MatrixMotion, Shaping, TextureFile
 from ..description.motion import handed_over
 from . import compiled
+from .dome_look import DomeLook, dome_look
 from .inputs import filled
 from .surface_upload import Textures
 
@@ -45,8 +46,12 @@ class LightGroups:
 
 
 class LightUpload:
-    def __init__(self, builder: compiled.SceneBuilder) -> None:
+    """`earlier`: of the domes that the builder keeps, each of which is given to a dome that looks like it."""
+
+    def __init__(self, builder: compiled.SceneBuilder, earlier: Sequence[DomeLook] = ()) -> None:
         self._builder = builder
+        self._earlier = dict(enumerate(earlier))
+        self.domes: list[DomeLook] = []  # in the core's order
         self.groups = LightGroups()
         self.has_mesh_lights = False  # some lights are shapes (MeshLightAPI)
         self.paths: dict[int, str] = {}  # by the core's row
@@ -57,15 +62,18 @@ class LightUpload:
     def add(self, lights: Iterable[Light], textures: Textures) -> None:
         """Add lights that are prims of their own, not shapes with MeshLightAPI."""
         for light in lights:
-            pixels, image = NO_TEXTURE, -1
+            pixels, image, kept = NO_TEXTURE, -1, -1
             if light.type is LightType.RECT:
                 image = self._image(light.texture, textures)
             elif light.type is LightType.DOME:
-                pixels = light_pixels(light.texture, textures) if light.image is None else light.image
+                kept = self._kept_dome(light, textures)
+                if kept < 0:
+                    pixels = light_pixels(light.texture, textures) if light.image is None else light.image
             portals = np.array([[*p.world_from_portal[:3].ravel(), p.width, p.height] for p in light.portals], np.float64)
             made = filled(
                 self._input(light, light.world_from_light),
                 texture=pixels,
+                earlier_dome=kept,
                 format=compiled.DomeFormat[DOME_FORMATS[light.texture_format]],
                 portals=portals.reshape(-1, 14),
             )
@@ -90,6 +98,13 @@ class LightUpload:
         )
         self.has_mesh_lights = True
         return self._builder.add_geometry_light(made)
+
+    def _kept_dome(self, light: Light, textures: Textures) -> int:
+        """Return the number of the earlier dome whose tables this one takes; -1 if there is none."""
+        self.domes.append(dome_look(light, textures))
+        alike = next((number for number, look in self._earlier.items() if look.is_like(self.domes[-1])), -1)
+        self._earlier.pop(alike, None)
+        return alike
 
     def _input(self, light: Light, matrix: Doubles) -> compiled.LightInput:
         """Return the input of a light with the fields that all types share."""

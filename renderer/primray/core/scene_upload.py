@@ -33,6 +33,7 @@ from ..description.volumes import volume_boxes
 from ..lens.distortion import Distortion
 from ..time_spans import span
 from . import compiled
+from .dome_look import DomeLook
 from .inputs import filled, phase_number
 from .light_upload import LightGroups, LightUpload
 from .motion_times import with_common_times
@@ -78,7 +79,10 @@ def upload_scene(
     low, high = world_boxes(d, boxes, prototype_boxes)
     scale = power_of_two_scale(scene_extent(d, low, high, origin))
     builder = compiled.SceneBuilder(origin.tolist(), scale)
-    inputs, lights = SurfaceUpload(builder, textures, d.time_code or 0.0), LightUpload(builder)
+    if kept is not None:
+        builder.keep_domes(kept.textures)
+    inputs = SurfaceUpload(builder, textures, d.time_code or 0.0)
+    lights = LightUpload(builder, () if kept is None else kept.domes)
     if record is not None:
         record_names(record, description, shapes, inputs)
     builder.reserve_triangles(*points_and_triangles(shapes))
@@ -153,6 +157,7 @@ def upload_scene(
         shape_rows=handing.shape_rows,
         light_paths=lights.paths,
         dome_paths=lights.dome_paths,
+        domes=tuple(lights.domes),
         copies=copies,
     )
 
@@ -190,6 +195,7 @@ class UploadRecord:
     shape_rows: ShapeRows
     light_paths: dict[int, str]  # by the core's row, of lights that are prims of their own
     dome_paths: list[str]  # in the core's order
+    domes: tuple[DomeLook, ...]  # the same
     copies: tuple[Placed, ...]  # of instances of curves that overlap: the last of the description's static shapes
 
     @property

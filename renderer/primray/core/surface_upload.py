@@ -15,6 +15,7 @@ from ..arrays import Floats
 from ..description import Input, PatternInput, Primvar, Surface, TextureFile, TextureInput, Wrap
 from ..textures.texture import Texture
 from . import compiled
+from .dome_look import DomeLook
 from .inputs import filled, surface_input
 from .patterns.tape_upload import SharedInputs, TooLargeError, UnknownNodeError, tape_of
 
@@ -118,6 +119,7 @@ class KeptImages:
     textures: compiled.KeptTextures
     numbers: Mapping[TextureKey, int]
     read: ReadFiles
+    domes: tuple[DomeLook, ...] = ()  # that `textures` holds
 
     def give(self, builder: compiled.SceneBuilder, key: TextureKey, number: int) -> bool:
         """Give a texture of the builder its images, and return whether that could be done."""

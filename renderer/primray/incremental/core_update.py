@@ -67,7 +67,7 @@ def kept_images(scene: CoreScene, fresh: Collection[TextureFile], read: ReadFile
     if built is None or uploaded is None:
         return None
     numbers = {key: number for key, number in uploaded.texture_numbers.items() if key.file not in fresh}
-    return KeptImages(compiled.KeptTextures(built), numbers, read)
+    return KeptImages(compiled.KeptTextures(built), numbers, read, uploaded.domes)
 
 
 def _may_stay(uploaded: UploadRecord, before: SceneDescription, now: SceneDescription, changed: frozenset[str]) -> bool:
@@ -139,11 +139,11 @@ def _built(
         shape = now.shapes[new.shape]
         if not isinstance(shape, Mesh) or not builder.replace_mesh(row, _placed(shape), matrix(old.matrix), matrix(new.matrix)):
             return None
-    lights = LightUpload(builder)
+    lights = LightUpload(builder, uploaded.domes)
     lights.add(d.lights, textures)
     if d.fog is not None:
         builder.set_fog(fog_input(d.fog))
-    uploaded = replace(uploaded, light_groups=lights.groups)
+    uploaded = replace(uploaded, light_groups=lights.groups, domes=tuple(lights.domes))
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
     camera = camera_input(d.camera, d.frame)
     builder.set_camera(filled(camera, filter_width=width, filter_inverse_cdf=inverse_cdf(settings.pixel_filter, width)))

@@ -104,6 +104,8 @@ struct LightInput : LightRules, LightSize {
   std::span<const float> texels;  // image of a dome: 3 (width) (height), first row at the top
   DomeFormat format = DomeFormat::kLatLong;
   std::vector<PortalInput> portals;  // of a dome
+  int earlier_dome =
+      -1;  // of SceneBuilder::keep_domes(): one that had the same image, format, emission and rules; texels are not read
   std::optional<ShapingInput> shaping;
   // Motion: times, and world_from_light at each (12 numbers), rigid.
   std::span<const float> times;

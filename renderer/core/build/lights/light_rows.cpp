@@ -97,19 +97,23 @@ Affine<float> rotation_of(const daffine& m) {
 }
 
 // Returns whether the dome is sampled.
-bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightTable& table, float* row) {
+bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightTable& table, float* row, Dome* earlier) {
   Dome d;
+  if (earlier) {
+    d = std::move(*earlier);
+  } else {
+    d.tint = light.emission;
+    d.width = light.texture_width, d.height = light.texture_height;
+    d.texels.assign(light.texels.begin(), light.texels.end());
+    d.format = light.format;
+    finish_dome_image(d);
+  }
   d.world_from_light = rotation_of(light.world_from_light);
-  d.tint = light.emission;
-  d.width = light.texture_width, d.height = light.texture_height;
-  d.texels.assign(light.texels.begin(), light.texels.end());
-  d.format = light.format;
-  finish_dome_image(d);
   LightTable portals;
   portals.weighed = LightTable::kWeighedPortals;
   const bool special = is_special(light);
   if (light.diffuse != 0 || light.specular != 0) {
-    special ? build_whole_dome_distribution(d) : build_dome_distribution(d);
+    if (!earlier) special ? build_whole_dome_distribution(d) : build_dome_distribution(d);
     for (const PortalInput& p : light.portals) {
       LightInput rect;
       rect.type = LightType::kRect, rect.world_from_light = p.world_from_portal;
@@ -213,14 +217,14 @@ void copy_common_fields(const float* from, float* to) {
   for (const int field : {kDiffuseFactor, kSpecularFactor}) to[field] = from[field];
 }
 
-void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table, int image) {
+void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table, int image, Dome* earlier) {
   float row[kLightFields] = {};
   put_common_fields(light, table, row);
   put_int(row, kType, int(light.type));
   row[kInverseDet] = 1;
   RowFrame f{light.world_from_light, dvec3(light.emission)};
   if (light.type == LightType::kDome) {
-    if (!add_dome(light, origin, scale, table, row)) return;
+    if (!add_dome(light, origin, scale, table, row, earlier)) return;
   } else if (light.type == LightType::kDistant) {
     put_distant(light, table, row, f);
   } else {

@@ -67,8 +67,10 @@ void add_shaping(const ShapingInput& shaping, const daffine& world_from_light, f
 // Writes the fields of any light beside its shape and position: its lobe factors.
 void put_common_fields(const LightInput& light, LightTable& table, float* row);
 void copy_common_fields(const float* from, float* to);
-// Adds the row of a light, in the core's space. `image`: of a rectangle light, its index in LightTable::images, or -1.
-void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table, int image = -1);
+// Adds the row of a light, in the core's space. `image`: of a rectangle light, its index in LightTable::images, or -1;
+// `earlier`: of a dome, the one whose image and distributions are taken, or null.
+void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table, int image = -1,
+                    Dome* earlier = nullptr);
 // Completes the rows after the last light: what depends on all of them.
 void finish_light_rows(LightTable& table);
 
