@@ -85,13 +85,13 @@ def measure(count: int, rounds: int) -> tuple[dict[str, list[tuple[float, float]
             edit(stage, k)
             time_code = 2.0 + k % 5 if name == "time code" else time_code
             settings = RenderSettings(resolution=(320, 180), spp=16, time_code=time_code)
-            found[name].append(_seconds(partial(kept.prepare, settings, Costs(), Diagnostics())))
+            found[name].append(seconds_of(partial(kept.prepare, settings, Costs(), Diagnostics())))
         opened = open_once(stage, SETTINGS)
-        new.append(_seconds(partial(prepare, stage, opened.diagnostics, SETTINGS, Costs(), Diagnostics())))
+        new.append(seconds_of(partial(prepare, stage, opened.diagnostics, SETTINGS, Costs(), Diagnostics())))
     return found, new
 
 
-def _seconds(done: Callable[[], object]) -> tuple[float, float]:
+def seconds_of(done: Callable[[], object]) -> tuple[float, float]:
     wall, cpu = time.perf_counter(), time.process_time()
     done()
     return time.perf_counter() - wall, time.process_time() - cpu
