@@ -30,6 +30,19 @@ OutArray<double, 3> boxes(nb::typed<nb::sequence, InArray<float>> arrays) {
   return to_numpy(std::move(out), {count, 2, 3});
 }
 
+// Adds meshes of one surface each, without attributes: in one call, since there may be a million. `matrices`: (N, 4, 4).
+void add_plain_meshes(SceneBuilder& builder, const nb::typed<nb::sequence, InArray<float>>& points,
+                      const nb::typed<nb::sequence, InArray<int32_t>>& triangles, const InArray<int32_t>& surfaces,
+                      const InArray<double>& matrices) {
+  for (size_t i = 0; i < surfaces.size(); ++i) {
+    const auto own_points = nb::cast<InArray<float>>(points[i]);
+    const auto own_triangles = nb::cast<InArray<int32_t>>(triangles[i]);
+    MeshInput mesh;
+    mesh.points = span_of(own_points), mesh.triangles = span_of(own_triangles), mesh.surfaces = {&surfaces.data()[i], 1};
+    builder.add_mesh(mesh, affine_from_rows(matrices.data() + 16 * i));
+  }
+}
+
 struct HeldCurves : CurvesInput {
   InArray<float> held_points, held_times, held_step_points;
   InArray<int32_t> held_segments, held_surfaces;
@@ -64,6 +77,8 @@ void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
            [](SceneBuilder& b, const HeldCurves& input, InArray<double> matrix) { b.add_curves(input, affine_of(matrix)); })
       .def("add_mesh",
            [](SceneBuilder& b, const HeldMesh& input, InArray<double> matrix) { b.add_mesh(input, affine_of(matrix)); })
+      .def("add_plain_meshes", &add_plain_meshes, nb::arg("points"), nb::arg("triangles"), nb::arg("surfaces"),
+           nb::arg("matrices"))
       .def("replace_mesh", [](SceneBuilder& b, size_t row, const HeldMesh& input, InArray<double> before,
                               InArray<double> now) { return b.replace_mesh(row, input, affine_of(before), affine_of(now)); })
       .def("add_mesh_primvar", [](SceneBuilder& b, int name, PrimvarKind kind, int width,

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .light_upload import LightUpload
 
 NO_FLOATS = np.zeros((0, 3), np.float32)
+TOGETHER = 1 << 14  # plain meshes that are handed over at once
 
 
 def matrix(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -88,8 +89,15 @@ class ShapeUpload:
         self._center = center
         self._rows = [-1] * len(placed)
         lights: dict[int, int] = {}  # the builder's numbers, by index in `placed`: each placement is a light of its own
+        plain: list[tuple[int, Placed]] = []
         for i, p in self._in_order(placed):
             shape = self._shapes[p.shape]
+            if isinstance(shape, Mesh) and i not in near and self._is_plain(shape):
+                plain.append((i, p))
+                if len(plain) == TOGETHER:
+                    self._add_plain(plain)
+                continue
+            self._add_plain(plain)
             if shape.light is not None:
                 lights[i] = self._lights.add_mesh_light(shape.light, matrix(p.matrix))
             if isinstance(shape, Mesh):
@@ -102,6 +110,7 @@ class ShapeUpload:
             elif i not in near and not (isinstance(shape, Curves) and shape.motion is not None):
                 self._add_curved(shape, matrix(p.matrix), lights.get(i))
                 self._note_curved(p)
+        self._add_plain(plain)
         for cutout, moving in ((True, False), (False, True), (True, True)):
             if (cutout and not self._cutout.any()) or (moving and not self._moving):
                 continue
@@ -114,6 +123,38 @@ class ShapeUpload:
                 elif moving and not cutout and isinstance(shape, Curves) and shape.motion is not None and i not in near:
                     self._add_curved(shape, matrix(p.matrix), lights.get(i))
                     self._note_curved(p)
+
+    def _is_plain(self, mesh: Mesh) -> bool:
+        """Return whether a mesh is one row of the core with nothing but triangles, and may be added along with others."""
+        return (
+            mesh.normals is None
+            and mesh.colors is None
+            and not mesh.primvars
+            and mesh.motion is None
+            and mesh.light is None
+            and isinstance(mesh.surface, int)
+            and not (self._cutout[mesh.surface] or self._hole[mesh.surface])
+            and mesh.link_row == self._link_row
+            and self._inset is None
+            and len(mesh.triangles) > 0
+        )
+
+    def _add_plain(self, plain: list[tuple[int, Placed]]) -> None:
+        """Add meshes that are plain at once, and empty the list."""
+        if not plain:
+            return
+        row, shapes = self._builder.mesh_rows, (self._shapes[p.shape] for _, p in plain)
+        meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
+        surfaces = np.array([mesh.surface for mesh in meshes], np.int32)
+        points, triangles = [mesh.points for mesh in meshes], [mesh.triangles for mesh in meshes]
+        matrices = np.array([p.matrix for _, p in plain], np.float64)
+        self._builder.add_plain_meshes(points, triangles, surfaces, matrices)
+        for (i, p), mesh in zip(plain, meshes, strict=True):
+            self._rows[i], row = row, row + 1
+            self.shape_rows.note_mesh(row, mesh.path)
+            if self._record is not None:
+                self._record.note_shape(self._record.meshes, p.shape, p.instance, row)
+        plain.clear()
 
     def rows_of_last(self) -> list[int]:
         """Return the builder's first row of each shape that was added last; -1 unless it is one plain mesh.
