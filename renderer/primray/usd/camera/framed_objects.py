@@ -28,7 +28,9 @@ Mask = npt.NDArray[np.bool_]
 CURVED_FACES = 64  # faces that a sphere counts as
 MOST_EXACT_OBJECTS = 256  # objects whose points are tested along one direction; others count by their boxes
 FARTHEST = 1e100  # boxes beyond are left out: sums and products of their corners could overflow
-MOST_BOUNDED_INSTANCES = 1_000_000  # up to this many instances, the corners of each are bounded
+MOST_BOUNDED_INSTANCES = 1_000_000  # up to this many instances of a placement, the corners of each are bounded
+# Placements with more instances together share this number evenly: an object takes 200 bytes for as long as they are judged.
+MOST_BOUNDED_TOGETHER = 4_000_000
 ROWS = 1 << 18  # points in double precision at a time
 SMALL, TOGETHER = 256, 1 << 14  # points of meshes that are bounded together, and meshes at a time
 
@@ -228,7 +230,8 @@ def framed_objects(
     volumes: Sequence[Volume] = (),
 ) -> FramedObjects:
     """Return the scene's objects, without geometry lights unless there is nothing else; a unit box if it is empty."""
-    stands = [*_static_objects(shapes, static), *_instanced_objects(shapes, prototypes, placements), *_volume_objects(volumes)]
+    stands: list[ObjectPlacements | StaticShapes] = [*_static_objects(shapes, static)]
+    stands += [*_instanced_objects(shapes, prototypes, placements), *_volume_objects(volumes)]
     found = FramedObjects(stands)
     if len(found) == 0:
         half = np.full(3, 0.5)
@@ -304,9 +307,11 @@ def _instanced_objects(
     shapes: Sequence[Shape], prototypes: Sequence[Prototype], placements: Sequence[Placement]
 ) -> Iterator[ObjectPlacements]:
     things = {number: _prototype_object(shapes, prototypes, number) for number in {p.prototype for p in placements}}
+    are_many = sum(map(len, placements)) > MOST_BOUNDED_TOGETHER
+    most = min(MOST_BOUNDED_INSTANCES, MOST_BOUNDED_TOGETHER // len(placements)) if are_many else MOST_BOUNDED_INSTANCES
     for placement in placements:
         thing = things[placement.prototype]
-        if len(placement) > MOST_BOUNDED_INSTANCES:
+        if len(placement) > most:
             low, high = placed_box(placement.levels, thing.box)
             around = FramedObject(thing.path, (low, high), (), thing.detail + math.log2(len(placement)), thing.is_light)
             yield ObjectPlacements(around, low[None], high[None], np.eye(4)[:3])

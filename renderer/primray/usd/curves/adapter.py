@@ -16,8 +16,8 @@ import numpy.typing as npt
 from ...arrays import Floats
 from ...description import Curves, PointMotion, PrimvarInput, Ribbons, Shape, Surface
 from ..materials.appearance import FALLBACK_COLOR, Appearance, appearance_of, is_cut_out, make_surface, undisplaced
-from ..mesh.authored import LARGEST
 from ..mesh.motion import finite_points
+from ..mesh.triangulate import LARGEST
 from ..motion.attributes import bend_times, is_animated
 from ..motion.points import PointPath, point_path, point_steps
 from ..motion.sample_times import fractions

@@ -16,8 +16,9 @@ from ..motion.sample_times import fractions
 from ..primvars.reading import AuthoredPrimvar
 from ..scene.context import Context
 from ..scene.inheritance import ResolvedPrim
-from .authored import LARGEST, AuthoredMesh, read_normals
+from .authored import AuthoredMesh, read_normals
 from .polygons import PolygonMotion, Polygons, Values, normals_of
+from .triangulate import LARGEST
 
 if TYPE_CHECKING:
     from .subdivision import Cage

@@ -23,8 +23,9 @@ from ...description import Primvar as SeamPrimvar
 from ...description.geometry import TrimLoop
 from ...tessellation.nurbs.patches import coarse_mesh
 from ..materials.appearance import FALLBACK_COLOR, appearance_of, is_cut_out, make_surface, undisplaced
-from ..mesh.authored import LARGEST, is_closed, report_inside_out
+from ..mesh.authored import is_closed, report_inside_out
 from ..mesh.motion import moving_points, path_of_points
+from ..mesh.triangulate import LARGEST
 from ..primvars.reading import Primvar, Sizes, read_display_color
 from ..primvars.surface_primvars import TANGENT_ST, read_primvars
 from ..scene.context import Context
