@@ -73,9 +73,17 @@ def materials(stage: Usd.Stage, count: int) -> float:
     """Quads with a MaterialX material each of 20 nodes, whose constants are its own."""
     layer = stage.GetRootLayer()
     rng = np.random.default_rng(12)
-    for k in range(count):
-        _material(stage, f"/looks/look_{k}", rng)
+    _material(stage, "/look", rng)
+    given = [a.GetPath() for p in Usd.PrimRange(stage.GetPrimAtPath("/look")) for a in p.GetAttributes() if a.Get() is not None]
+    constants = [str(path).removeprefix("/look") for path in given if path.name.startswith("inputs:")]
     with Sdf.ChangeBlock():
+        prim(layer, "/looks", "Scope")
+        for k in range(count):  # UsdShade would take minutes
+            Sdf.CopySpec(layer, "/look", layer, f"/looks/look_{k}")
+            for name in constants:
+                value = layer.GetAttributeAtPath(f"/looks/look_{k}{name}")
+                value.default = _constant(rng, isinstance(value.default, Gf.Vec3f))
+        del layer.rootPrims["look"]
         side = _rows(layer, "/quads", count)
         for i, path, at in _places("/quads", count, side):
             spec = moved(_mesh(layer, path, [(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)], [4], [0, 1, 2, 3]), at)
@@ -197,6 +205,10 @@ def _material(stage: Usd.Stage, path: str, rng: np.random.Generator) -> None:
     material.CreateSurfaceOutput("mtlx").ConnectToSource(output)
 
 
+def _constant(rng: np.random.Generator, is_color: bool) -> object:
+    return Gf.Vec3f(*map(float, rng.uniform(0.2, 0.9, 3))) if is_color else float(rng.uniform(0.2, 0.9))
+
+
 _OPERATIONS = ("multiply", "add", "mix", "power", "clamp", "max")
 
 
@@ -204,7 +216,7 @@ def _chain(
     stage: Usd.Stage, path: str, name: str, kind: str, type_name: Sdf.ValueTypeName, rng: np.random.Generator, length: int
 ) -> UsdShade.Output:
     def value() -> object:
-        return Gf.Vec3f(*map(float, rng.uniform(0.2, 0.9, 3))) if kind == "color3" else float(rng.uniform(0.2, 0.9))
+        return _constant(rng, kind == "color3")
 
     above: UsdShade.Output | None = None
     for k in range(length):
