@@ -30,7 +30,7 @@ def test_simple_polygons_of_any_shape(seed: int) -> None:
     rng = np.random.default_rng(seed)
     polygons = []
     for _ in range(30):
-        n = int(rng.choice([3, 4, 4, 4, 5, 6, 2 * rng.integers(4, 20)]))
+        n = int(rng.choice([3, 4, 4, 4, 5, 6, 2 * int(rng.integers(4, 20))]))
         flat = simple_polygon(rng, n, KINDS[rng.integers(3)] if n > 7 else "star")
         polygons.append(into_space(rng, flat)[0].astype(np.float32))
     counts = np.array([len(p) for p in polygons], np.int32)

@@ -9,6 +9,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 import primray
 from primray.core import shape_upload
 from primray.core.shape_upload import ShapeUpload
+from primray.description import Mesh
 from primray.settings import RenderSettings
 
 SETTINGS = RenderSettings(resolution=(40, 24), spp=4, threads=1)
@@ -61,9 +62,13 @@ def rendered(stage: Usd.Stage) -> tuple[str, np.ndarray, dict[int, str]]:
 @pytest.mark.parametrize("together", [1, 2, 1 << 14])
 def test_one_by_one_and_together(together: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shape_upload, "TOGETHER", together)
-    plain: list[bool] = []
-    is_plain = ShapeUpload._is_plain
-    monkeypatch.setattr(ShapeUpload, "_is_plain", lambda self, mesh: plain.append(is_plain(self, mesh)) or plain[-1])
+    plain, is_plain = list[bool](), ShapeUpload._is_plain
+
+    def noting(self: ShapeUpload, mesh: Mesh) -> bool:
+        plain.append(is_plain(self, mesh))
+        return plain[-1]
+
+    monkeypatch.setattr(ShapeUpload, "_is_plain", noting)
     bits, numbers, ids = rendered(boxes())
     assert (sum(plain), len(plain)) == (6, 15)
     monkeypatch.setattr(ShapeUpload, "_is_plain", lambda self, mesh: False)

@@ -10,6 +10,8 @@ from primray.description import Mesh
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.mesh import adapter
+from primray.usd.scene.context import Context
+from primray.usd.scene.inheritance import ResolvedPrim
 
 from ..usd_text import stage_of
 
@@ -39,9 +41,13 @@ def counted(
     stage: Usd.Stage, monkeypatch: pytest.MonkeyPatch, settings: RenderSettings | None = None
 ) -> tuple[int, list[Mesh]]:
     """How many meshes are read, and all of them."""
-    reads = []
-    read = adapter._read_geometry
-    monkeypatch.setattr(adapter, "_read_geometry", lambda *given: reads.append(1) or read(*given))
+    reads, read = list[object](), adapter._read_geometry
+
+    def counting(prim: ResolvedPrim, ctx: Context) -> object:
+        reads.append(prim)
+        return read(prim, ctx)
+
+    monkeypatch.setattr(adapter, "_read_geometry", counting)
     d, _ = translate(stage, settings or RenderSettings())
     return len(reads), [shape for shape in d.shapes if isinstance(shape, Mesh)]
 
