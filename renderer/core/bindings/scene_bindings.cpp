@@ -1,4 +1,5 @@
 // Python bindings of SceneBuilder and Scene: arrays as in primray/description/.
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
@@ -128,6 +129,18 @@ void bind_scene(nb::module_& m) {
       .def("reserve_triangles", &SceneBuilder::reserve_triangles)
       .def("reserve_instances", &SceneBuilder::reserve_instances)
       .def("begin_placement", &SceneBuilder::begin_placement)
+      .def(
+          "add_point_instances",
+          [](SceneBuilder& b, const std::optional<InArray<double>>& outer, const InArray<double>& positions,
+             const std::optional<InArray<double>>& orientations, const std::optional<InArray<double>>& scales) {
+            const std::optional<daffine> around = outer ? std::optional(affine_of(*outer)) : std::nullopt;
+            const auto given = [](const auto& array) { return array ? span_of(*array) : std::span<const double>(); };
+            std::vector<int64_t> left_out =
+                b.add_point_instances(around ? &*around : nullptr, span_of(positions), given(orientations), given(scales));
+            const size_t count = left_out.size();
+            return to_numpy(std::move(left_out), {count});
+          },
+          nb::arg("outer").none(), nb::arg("positions"), nb::arg("orientations").none(), nb::arg("scales").none())
       .def("add_instances",
            [](SceneBuilder& b, InArray<double> rows) {
              std::vector<int64_t> left_out = b.add_instances(span_of(rows));

@@ -291,6 +291,46 @@ std::vector<int64_t> SceneBuilder::add_instances(std::span<const double> rows) {
   return left_out;
 }
 
+namespace {
+
+// The columns of a rotation by a quaternion of any length; one of length 0 does not rotate.
+void rotate(const double* q, dvec3 (&axes)[3]) {
+  const double x = q[0], y = q[1], z = q[2], w = q[3];
+  const double square = x * x + y * y + z * z + w * w, by = square > 0 ? 2.0 / square : 0.0;
+  const double xs = x * by, ys = y * by, zs = z * by;
+  axes[0] = {1 - (y * ys + z * zs), x * ys + w * zs, x * zs - w * ys};
+  axes[1] = {x * ys - w * zs, 1 - (x * xs + z * zs), y * zs + w * xs};
+  axes[2] = {x * zs + w * ys, y * zs - w * xs, 1 - (x * xs + y * ys)};
+}
+
+// Products in the order of the matrix product that NumPy leaves to its library, fused as there.
+dvec3 turned(const daffine& m, const dvec3& v) {
+  const auto row = [&](double a, double b, double c) { return std::fma(c, v.z, std::fma(b, v.y, a * v.x)); };
+  return {row(m.x.x, m.y.x, m.z.x), row(m.x.y, m.y.y, m.z.y), row(m.x.z, m.y.z, m.z.z)};
+}
+
+}  // namespace
+
+std::vector<int64_t> SceneBuilder::add_point_instances(const daffine* outer, std::span<const double> positions,
+                                                       std::span<const double> orientations, std::span<const double> scales) {
+  std::vector<double> rows(positions.size() * 4);
+  for (size_t i = 0; i < positions.size() / 3; ++i) {
+    dvec3 axes[3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
+    if (!orientations.empty()) rotate(&orientations[4 * i], axes);
+    if (!scales.empty())
+      for (size_t k = 0; k < 3; ++k) axes[k] *= scales[3 * i + k];
+    dvec3 at{positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]};
+    if (outer) {
+      for (dvec3& axis : axes) axis = turned(*outer, axis);
+      at = turned(*outer, at) + outer->o;
+    }
+    double* row = &rows[12 * i];
+    for (size_t k = 0; k < 3; ++k) row[k] = axes[k].x, row[4 + k] = axes[k].y, row[8 + k] = axes[k].z;
+    row[3] = at.x, row[7] = at.y, row[11] = at.z;
+  }
+  return add_instances(rows);
+}
+
 void SceneBuilder::end_placement() {
   Scene& s = *scene_;
   const Group& g = s.groups[s.placement_group.back()];

@@ -101,6 +101,11 @@ class SceneBuilder {
   void begin_placement(int parent, int prototype);
   // `rows`: 12 doubles per instance, parent from prototype. Singular or non-finite ones are skipped; returns their indices.
   std::vector<int64_t> add_instances(std::span<const double> rows);
+  // The same of point instances, by the formulas and in the order of primray/description/placement.py: parent from prototype is
+  // `outer` * translation * rotation * scale. `positions` and `scales` are 3 doubles per instance, `orientations` 4 (x, y, z,
+  // w); the latter two may be empty.
+  std::vector<int64_t> add_point_instances(const daffine* outer, std::span<const double> positions,
+                                           std::span<const double> orientations, std::span<const double> scales);
   void end_placement();
   // Used in place of add_instances(), once per placement: `rows` are 12 doubles for each time and, within it, instance.
   std::vector<int64_t> add_moving_instances(std::span<const float> times, bool turns, std::span<const double> rows);

@@ -28,7 +28,17 @@ from ..description import (
     SubdivisionMesh,
 )
 from ..description.motion import handed_over
-from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
+from ..description.placement import (
+    CHUNK,
+    IDENTITY,
+    Box,
+    PointInstances,
+    chunks,
+    named_levels,
+    placed_box,
+    transformed_box,
+    transformed_boxes,
+)
 from ..description.volumes import volume_boxes
 from ..lens.distortion import Distortion
 from ..time_spans import span
@@ -270,11 +280,29 @@ def add_placement(
         gone = builder.add_moving_instances(handed_over(moving.times), moving.turns, np.ascontiguousarray(rows, np.float64))
         builder.end_placement()
         return gone
+    if far is None and len(placement.levels) == 1 and isinstance(points := placement.levels[0], PointInstances):
+        left_out += _add_points(builder, points)
+        builder.end_placement()
+        return np.concatenate(left_out)
     for rows in placement.chunks():
         left_out.append(builder.add_instances(rows if far is None else far.removed(rows)) + start)
         start += len(rows)
     builder.end_placement()
     return np.concatenate(left_out)
+
+
+def _add_points(builder: compiled.SceneBuilder, points: PointInstances) -> list[npt.NDArray[np.int64]]:
+    """Add point instances without making their matrices here; return the indices of those left out."""
+    outer, left_out = None if np.array_equal(points.outer, IDENTITY) else matrix(points.outer), []
+    for start in range(0, len(points), CHUNK):
+        parts = [
+            None if part is None else np.ascontiguousarray(part[start : start + CHUNK], np.float64)
+            for part in (points.positions, points.orientations, points.scales)
+        ]
+        positions, orientations, scales = parts
+        assert positions is not None
+        left_out.append(builder.add_point_instances(outer, positions, orientations, scales) + start)
+    return left_out
 
 
 def camera_input(c: Camera, frame: Frame, motion: CameraMotion | None = None) -> compiled.CameraInput:
