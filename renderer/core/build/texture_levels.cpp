@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <thread>
 
 #include "base/time_spans.hpp"
 #include "texture/mip_pyramid.hpp"
@@ -80,13 +81,13 @@ void for_reads(const Scene& s, const SurfaceInputs& inputs, const F& f) {
 }
 
 // Accounts for one triangle with the texture; `width`: of the narrowest cone on it, in its own lengths.
-void add_triangle(const Scene& s, const TextureRead& source, Texture& texture, uint32_t mesh, size_t triangle,
+void add_triangle(const Scene& s, const TextureRead& source, float& least, uint32_t mesh, size_t triangle,
                   const uint32_t* corner, double area2, double width) {
   const PrimvarTable& t = s.primvars;
   const int32_t primvar = source.primvar < 0 ? -1 : t.of_mesh[size_t(mesh) * t.names + source.primvar];
   const PrimvarKind kind = primvar < 0 ? PrimvarKind::kConstant : PrimvarKind(t.kind[primvar]);
   if (kind != PrimvarKind::kPoint && kind != PrimvarKind::kCorner) {
-    texture.least_footprint = 0;  // single texels are read, at the finest level
+    least = 0;  // single texels are read, at the finest level
     return;
   }
   double st[3][2];
@@ -99,11 +100,37 @@ void add_triangle(const Scene& s, const TextureRead& source, Texture& texture, u
   const double st_area2 = (st[1][0] - st[0][0]) * (st[2][1] - st[0][1]) - (st[2][0] - st[0][0]) * (st[1][1] - st[0][1]);
   const float* m = source.st_transform;
   const double stretch = double(m[0]) * m[4] - double(m[1]) * m[3];
-  if (!(width > 0)) texture.least_footprint = 0;
+  if (!(width > 0)) least = 0;
   const double st_area = std::fabs(st_area2 * stretch);
   // A triangle that shows a line or a point of the texture requires no level: those of the others do.
   if (!(st_area > 0)) return;
-  texture.least_footprint = std::min(texture.least_footprint, float(st_area / area2 * width * width));
+  least = std::min(least, float(st_area / area2 * width * width));
+}
+
+// Triangles that are worth a second thread.
+constexpr size_t kManyTriangles = 1 << 16;
+
+// Accounts for the triangles [first, end) of group g; `least`: the least footprint by texture.
+void add_triangles(const Scene& s, size_t g, size_t first, size_t end, double width_on_instances, std::vector<float>& least) {
+  const dvec3 camera(s.camera.world_from_camera.o);
+  const Group& group = s.groups[g];
+  for (size_t t = first; t < end; ++t) {
+    const uint32_t mesh = uint32_t(s.triangle_mesh[t]);
+    const int32_t inputs = s.surface_inputs_of[s.meshes.surface[mesh]];
+    if (inputs < 0) continue;
+    uint32_t corner[3];
+    for (int k = 0; k < 3; ++k) corner[k] = group.vertex_base + s.indices[3 * t + k];
+    const dvec3 p = position(s, corner[0]), e1 = position(s, corner[1]) - p, e2 = position(s, corner[2]) - p;
+    const dvec3 n = cross(e1, e2), to = p - camera;
+    const double area2 = length(n);
+    if (!(area2 > 0)) continue;
+    // A triangle is no nearer than its plane, nor than a sphere about its corner that contains it.
+    const double distance = std::max(std::fabs(dot(n, to)) / area2, length(to) - std::max(length(e1), length(e2)));
+    const double width = g == 0 ? cone_at(s.camera, distance) : width_on_instances;
+    for_reads(s, s.surface_inputs[inputs], [&](const TextureRead& read) {
+      add_triangle(s, read, least[size_t(read.texture)], mesh, t, corner, area2, width);
+    });
+  }
 }
 
 }  // namespace
@@ -114,29 +141,18 @@ void measure_footprints(Scene& s) {
     for (Texture& t : s.textures) t.least_footprint = 0;
     return;
   }
-  for (Texture& t : s.textures) t.least_footprint = INFINITY;
-  const dvec3 camera(s.camera.world_from_camera.o);
   const std::vector<double> on_instances = widths_on_instances(s);
+  std::vector<float> least(s.textures.size(), INFINITY), other = least;
   for (size_t g = 0; g < s.groups.size(); ++g) {
     const Group& group = s.groups[g];
-    for (size_t t = group.triangle_base; t < group.triangle_base + group.triangle_count + group.cutout_count; ++t) {
-      const uint32_t mesh = uint32_t(s.triangle_mesh[t]);
-      const int32_t inputs = s.surface_inputs_of[s.meshes.surface[mesh]];
-      if (inputs < 0) continue;
-      uint32_t corner[3];
-      for (int k = 0; k < 3; ++k) corner[k] = group.vertex_base + s.indices[3 * t + k];
-      const dvec3 p = position(s, corner[0]), e1 = position(s, corner[1]) - p, e2 = position(s, corner[2]) - p;
-      const dvec3 n = cross(e1, e2), to = p - camera;
-      const double area2 = length(n);
-      if (!(area2 > 0)) continue;
-      // A triangle is no nearer than its plane, nor than a sphere about its corner that contains it.
-      const double distance = std::max(std::fabs(dot(n, to)) / area2, length(to) - std::max(length(e1), length(e2)));
-      const double width = g == 0 ? cone_at(s.camera, distance) : on_instances[g];
-      for_reads(s, s.surface_inputs[inputs], [&](const TextureRead& read) {
-        add_triangle(s, read, s.textures[size_t(read.texture)], mesh, t, corner, area2, width);
-      });
-    }
+    const size_t first = group.triangle_base, end = first + group.triangle_count + group.cutout_count;
+    const size_t middle = end - first < kManyTriangles ? end : first + (end - first) / 2;
+    std::thread rest;
+    if (middle < end) rest = std::thread([&] { add_triangles(s, g, middle, end, on_instances[g], other); });
+    add_triangles(s, g, first, middle, on_instances[g], least);
+    if (rest.joinable()) rest.join();
   }
+  for (size_t i = 0; i < s.textures.size(); ++i) s.textures[i].least_footprint = std::min(least[i], other[i]);
   // Curved shapes share one st; an instance's primvar may serve as st as well.
   for (const int32_t surface : s.curved.surface) {
     const int32_t inputs = s.surface_inputs_of[surface];
