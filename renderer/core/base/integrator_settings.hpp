@@ -1,6 +1,7 @@
 // What a pass of the integrator is given: settings, and the guides, logs and light path expressions that it reads or fills.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <limits>
 
@@ -11,6 +12,11 @@ struct Guide;
 struct GuideLog;
 struct LpeAutomaton;
 struct PathLog;
+
+// Asks whoever learns something before a render to end.
+struct Cancellation {
+  std::atomic<bool> asked{false};
+};
 
 struct IntegratorSettings {
   int max_depth = 1 << 20;  // surface scattering events; Russian roulette ends paths long before
@@ -29,8 +35,11 @@ struct IntegratorSettings {
   // and guides have no limit, so a clamp changes no path.
   float clamp_indirect = std::numeric_limits<float>::infinity();
   PathLog* path_log = nullptr;  // events of all paths, with one lane
+  // Set while something is learnt before a render: the learning ends soon, and its result is not to be used.
+  const std::atomic<bool>* cancel = nullptr;
 
   bool clamps() const { return clamp_indirect < std::numeric_limits<float>::infinity(); }
+  bool is_cancelled() const { return cancel && cancel->load(std::memory_order_relaxed); }
 };
 
 constexpr int kMostLightSamples = 4;

@@ -80,11 +80,11 @@ void bind_caustics(nb::module_& m, nb::module_& testing) {
       .def_prop_ro("memory_bytes", &CausticGuide::memory_bytes);
   m.def(
       "learn_caustics",
-      [](const Scene& scene, int max_depth, int threads, int lanes) {
-        return learn_caustics(scene, max_depth, threads, kernel_of(lanes)).release();
+      [](const Scene& scene, int max_depth, int threads, int lanes, const Cancellation* cancel) {
+        return learn_caustics(scene, max_depth, threads, kernel_of(lanes), cancel ? &cancel->asked : nullptr).release();
       },
-      nb::arg("scene"), nb::arg("max_depth"), nb::arg("threads"), nb::arg("lanes"), nb::rv_policy::take_ownership,
-      nb::call_guard<nb::gil_scoped_release>());
+      nb::arg("scene"), nb::arg("max_depth"), nb::arg("threads"), nb::arg("lanes"), nb::arg("cancel").none() = nb::none(),
+      nb::rv_policy::take_ownership, nb::call_guard<nb::gil_scoped_release>());
   testing.def(
       "find_caustics",
       [](const Scene& scene, int max_depth, int threads) { return find_caustics(scene, max_depth, threads).release(); },

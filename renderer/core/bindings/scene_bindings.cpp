@@ -19,7 +19,9 @@ struct KeptTextures {
 };
 
 void set_texture_image(SceneBuilder& b, int texture, int tile, InArray<float> pixels) {
-  b.set_texture_image(texture, tile, {span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0))});
+  const ImageInput image{span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0))};
+  const nb::gil_scoped_release release;
+  b.set_texture_image(texture, tile, image);
 }
 
 // Returns size, kept levels, bytes per channel and bytes of every image, in order.

@@ -89,6 +89,11 @@ void bind_settings(nb::module_& m) {
           nb::arg("next"), nb::arg("class_of"), nb::arg("members"), nb::arg("expressions"), nb::arg("counts_straight"),
           nb::arg("leaves_out") = -1)
       .def_ro("expressions", &LpeAutomaton::expressions);
+  nb::class_<Cancellation>(m, "Cancellation")
+      .def(nb::init<>())
+      .def("ask", [](Cancellation& c) { c.asked = true; })
+      .def("clear", [](Cancellation& c) { c.asked = false; })
+      .def_prop_ro("is_asked", [](const Cancellation& c) { return c.asked.load(); });
   nb::class_<IntegratorSettings>(m, "IntegratorSettings")
       .def(nb::init<>())
       .def_rw("max_depth", &IntegratorSettings::max_depth)
@@ -109,6 +114,10 @@ void bind_settings(nb::module_& m) {
       .def_prop_rw(
           "caustics", nullptr, [](IntegratorSettings& s, const CausticGuide* caustics) { s.caustics = caustics; },
           nb::for_setter(nb::arg("caustics").none()))
+      .def_prop_rw(
+          "cancel", nullptr,
+          [](IntegratorSettings& s, const Cancellation* cancel) { s.cancel = cancel ? &cancel->asked : nullptr; },
+          nb::for_setter(nb::arg("cancel").none()))
       .def_prop_rw(
           "lpe", nullptr, [](IntegratorSettings& s, const LpeAutomaton* lpe) { s.lpe = lpe; },
           nb::for_setter(nb::arg("lpe").none()));

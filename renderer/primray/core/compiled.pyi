@@ -236,6 +236,13 @@ class LpeAutomaton:
     @property
     def expressions(self) -> int: ...
 
+class Cancellation:
+    def __init__(self) -> None: ...
+    def ask(self) -> None: ...
+    def clear(self) -> None: ...
+    @property
+    def is_asked(self) -> bool: ...
+
 class IntegratorSettings:
     def __init__(self) -> None: ...
     @property
@@ -270,6 +277,8 @@ class IntegratorSettings:
     guide: Guide | None
 
     caustics: CausticGuide | None
+
+    cancel: Cancellation | None
 
     lpe: LpeAutomaton | None
 
@@ -1308,4 +1317,6 @@ class CausticGuide:
     @property
     def memory_bytes(self) -> int: ...
 
-def learn_caustics(scene: Scene, max_depth: int, threads: int, lanes: int) -> CausticGuide: ...
+def learn_caustics(
+    scene: Scene, max_depth: int, threads: int, lanes: int, cancel: Cancellation | None = None
+) -> CausticGuide: ...

@@ -494,7 +494,8 @@ class Photons {
 
 }  // namespace
 
-std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int threads) {
+std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int threads, const std::atomic<bool>* cancel) {
+  const auto is_cancelled = [&] { return cancel && cancel->load(std::memory_order_relaxed); };
   std::vector<CausticPhoton> all;
   if (scene.lights.count == 0) return all;
   std::vector<CausticTarget> targets = caustic_targets(scene);
@@ -509,13 +510,15 @@ std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int th
     const auto work = [&] {
       const TimeSpan span("trace photons");
       set_float_mode();
-      for (int i; (i = next++) < kRound / kTask;) photons.trace(uint32_t(rounds * kRound + i * kTask), landed[i]);
+      for (int i; (i = next++) < kRound / kTask && !is_cancelled();)
+        photons.trace(uint32_t(rounds * kRound + i * kTask), landed[i]);
     };
     std::vector<std::thread> pool;
     for (int i = 0; i < std::max(threads, 1); ++i) pool.emplace_back(work);
     for (std::thread& t : pool) t.join();
     for (const auto& part : landed) all.insert(all.end(), part.begin(), part.end());
     ++rounds;
+    if (is_cancelled()) return {};
     if (all.size() < size_t(kRound) / 512) return {};  // hardly any light comes that way
   }
   for (CausticPhoton& p : all) p.weight /= float(rounds * kRound);

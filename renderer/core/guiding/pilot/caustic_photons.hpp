@@ -2,6 +2,7 @@
 // aimed at.
 #pragma once
 
+#include <atomic>
 #include <vector>
 
 #include "guiding/caustic_guide.hpp"
@@ -26,7 +27,8 @@ std::vector<CausticTarget> caustic_targets(const Scene& scene);
 
 // Traces photons and returns those that landed on surfaces which scatter widely, after at least one and at most `longest` - 1
 // smooth surfaces. Empty if no small light reaches a smooth surface. A function of scene, size of the frame and depth; threads
-// do not change a bit.
-std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int threads);
+// do not change a bit. Empty, too, once `cancel` is true.
+std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int threads,
+                                         const std::atomic<bool>* cancel = nullptr);
 
 }  // namespace primray

@@ -4,6 +4,7 @@
 #include "guiding/pilot/learning.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <thread>
 
@@ -42,9 +43,10 @@ double error_without(const Pilot& pilot, const GuideLog& log) {
   return sum / (samples * samples * kTile * kTile);
 }
 
-bool pays(const Scene& scene, int max_depth, const CausticGuide& guide, TaskFunction task) {
+bool pays(const Scene& scene, int max_depth, const CausticGuide& guide, TaskFunction task, const std::atomic<bool>* cancel) {
   const TimeSpan span("compare with and without photons");
   IntegratorSettings settings{max_depth, 1, 0, 1};
+  settings.cancel = cancel;
   settings.caustics = &guide;
   GuideLog log(Worker::kSlots);
   settings.guide_log = &log;
@@ -56,19 +58,21 @@ bool pays(const Scene& scene, int max_depth, const CausticGuide& guide, TaskFunc
 
 }  // namespace
 
-std::unique_ptr<CausticGuide> find_caustics(const Scene& scene, int max_depth, int threads) {
+std::unique_ptr<CausticGuide> find_caustics(const Scene& scene, int max_depth, int threads, const std::atomic<bool>* cancel) {
   if (max_depth < 2) return nullptr;
-  std::vector<CausticPhoton> photons = trace_photons(scene, max_depth, threads);
+  std::vector<CausticPhoton> photons = trace_photons(scene, max_depth, threads, cancel);
+  if (photons.empty()) return nullptr;
   auto guide = std::make_unique<CausticGuide>();
   build_caustic_tree(photons, *guide, threads);
   return guide->any() ? std::move(guide) : nullptr;
 }
 
-std::unique_ptr<CausticGuide> learn_caustics(const Scene& scene, int max_depth, int threads, TaskFunction task) {
-  std::unique_ptr<CausticGuide> guide = find_caustics(scene, max_depth, threads);
+std::unique_ptr<CausticGuide> learn_caustics(const Scene& scene, int max_depth, int threads, TaskFunction task,
+                                             const std::atomic<bool>* cancel) {
+  std::unique_ptr<CausticGuide> guide = find_caustics(scene, max_depth, threads, cancel);
   if (!guide) return nullptr;
   bool worth = false;
-  std::thread([&] { set_float_mode(), worth = pays(scene, max_depth, *guide, task); }).join();
+  std::thread([&] { set_float_mode(), worth = pays(scene, max_depth, *guide, task, cancel); }).join();
   return worth ? std::move(guide) : nullptr;
 }
 

@@ -75,6 +75,7 @@ struct Found {
 };
 
 Found run_task(const Scene& scene, IntegratorSettings settings, TaskFunction task, int number) {
+  if (settings.is_cancelled()) return {};
   settings.splits = settings.light_samples = 1;
   settings.seed = kSeed + uint32_t(number);
   const int w = scene.camera.width, h = scene.camera.height;
@@ -445,6 +446,10 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
         learnt.begin(found);
       } else {
         learnt.add_pass(first, tasks, in_media, run, [](int begin, int end, auto f) { on_two_threads(begin, end, f); });
+      }
+      if (settings.is_cancelled()) {
+        cost = 1;
+        return;
       }
       guide = learnt.empty() ? nullptr : learnt.build(in_media);
       if (!guide) return;

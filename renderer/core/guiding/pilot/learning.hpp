@@ -2,6 +2,7 @@
 // first surface.
 #pragma once
 
+#include <atomic>
 #include <memory>
 
 #include "guiding/caustic_guide.hpp"
@@ -14,10 +15,14 @@ namespace primray {
 
 // Returns the guide, or null if there are no significant caustics. A function of scene and depth alone, not of seed, threads or
 // lanes, so that every part of a distributed render has the same one.
-std::unique_ptr<CausticGuide> find_caustics(const Scene& scene, int max_depth, int threads);
+//
+// `cancel`, here and in IntegratorSettings: once it is true, learning ends soon and its result is not to be used.
+std::unique_ptr<CausticGuide> find_caustics(const Scene& scene, int max_depth, int threads,
+                                            const std::atomic<bool>* cancel = nullptr);
 
 // Returns the guide, or null if it would not pay.
-std::unique_ptr<CausticGuide> learn_caustics(const Scene& scene, int max_depth, int threads, TaskFunction task);
+std::unique_ptr<CausticGuide> learn_caustics(const Scene& scene, int max_depth, int threads, TaskFunction task,
+                                             const std::atomic<bool>* cancel = nullptr);
 
 // Number of paths and light samples at the first surface, measured on a few pixels before the render.
 

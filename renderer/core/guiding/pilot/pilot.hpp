@@ -24,8 +24,9 @@ struct Pilot {
   std::array<bool, kTile * kTile> shows_fibres{};  // by index in the film
   std::array<int, kTile * kTile> place{};          // index in the film, in the order in which its pixels are sampled
 
-  // Pilots of different `number` have different pixels and sample points.
+  // Pilots of different `number` have different pixels and sample points. One that is cancelled is black.
   Pilot(const Scene& scene, IntegratorSettings settings, TaskFunction task, int number = 0) {
+    if (settings.is_cancelled()) return;
     settings.seed = kSeed + uint32_t(number);
     TileBlock block{0, 0, scene.camera.width, scene.camera.height, 0, 0};
     block.stride_x = std::max(1, scene.camera.width / kTile), block.stride_y = std::max(1, scene.camera.height / kTile);
