@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 
 from primray.settings import RenderSettings, rows
-from primray.settings.camera_choice import camera_choice, read_lens_flaws
+from primray.settings.camera_choice import camera_choice, camera_itself, read_lens_flaws
 from primray.settings.setting import (
     Reader,
     Row,
@@ -43,6 +43,7 @@ TAKEN: Mapping[Reader, str] = {
     two_numbers: "Iterable[float]",
     four_numbers: "Iterable[float]",
     camera_choice: "str | Camera | Matrix | Iterable[Iterable[float]]",
+    camera_itself: "Camera",
 }
 
 

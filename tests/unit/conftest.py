@@ -94,6 +94,7 @@ class FakePipeline:
         settings: primray.RenderSettings,
         shapes: list[Any],
         kept: Any,
+        **_: Any,
     ) -> Any:
         self.calls.append("build")
         self.textures = textures
@@ -174,7 +175,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
     )
     install(
         "core",
-        dice=lambda description, settings, textures, known: (description, fake.dicing),
+        dice=lambda description, settings, textures, known, on_cage: (description, fake.dicing),
         build=fake.build,
         isa=lambda: "v4",
         lanes=lambda: 16,

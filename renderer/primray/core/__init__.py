@@ -20,7 +20,20 @@ from .native import (
     threads,
     versions,
 )
-from .passes import FilmSamples, Pass, Progress, Recording, choose_splits, coverage, first_hits, log_pixel, render, render_pass
+from .passes import (
+    FilmSamples,
+    Pass,
+    PickedPoint,
+    Progress,
+    Recording,
+    choose_splits,
+    coverage,
+    first_hits,
+    log_pixel,
+    pick,
+    render,
+    render_pass,
+)
 from .scene import CoreScene, Splits, build, dice
 
 __all__ = [
@@ -33,6 +46,7 @@ __all__ = [
     "Film",
     "FilmSamples",
     "Pass",
+    "PickedPoint",
     "Progress",
     "Recording",
     "Splits",
@@ -49,6 +63,7 @@ __all__ = [
     "log_pixel",
     "max_depth",
     "module",
+    "pick",
     "render",
     "render_pass",
     "runnable_isas",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Floats
+from ..arrays import Doubles, Floats
 from ..settings import MAX_SPP, RenderSettings
 from . import compiled
 from .film import TILE, Film, uniform_ends
@@ -165,6 +165,33 @@ def first_hits(
     except compiled.CoreError as error:
         raise_primray_error(error)
     return FirstHits(hits.take(), hits.take_primvars())
+
+
+@dataclass(frozen=True)
+class PickedPoint:
+    """What the ray through the centre of one pixel hits: the point (3,) in the world, its distance, path and instance."""
+
+    position: Doubles
+    distance: float  # scene units
+    prim: str  # path of the shape, of a prototype's in it
+    instance: str  # name; "": none
+
+
+def pick(scene: CoreScene, x: int, y: int, settings: RenderSettings) -> PickedPoint | None:
+    """Return what is seen in one pixel of a scene that has a record, x to the right and y down; None if that is no surface."""
+    record = scene.record
+    assert record is not None
+    hits = compiled.FirstHits(scene._scene, ["position", "distance", "prim", "instance", "outer"], [])
+    hits.fill(lanes(), 1, y, y + 1)
+    planes = {name: plane[y, x] for name, plane in hits.take().items()}
+    row = int(planes["prim"][0])
+    if row == -1:
+        return None
+    shape, name = record.meshes[row] if row >= 0 else record.curved[-2 - row]
+    if not name and planes["instance"][0] >= 0:
+        numbers = scene.instance_numbers
+        name = numbers.name(int(numbers.number(planes["instance"], planes["outer"])[0]))
+    return PickedPoint(planes["position"].astype(np.float64), float(planes["distance"][0]), record.shape_paths[shape], name)
 
 
 def coverage(

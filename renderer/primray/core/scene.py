@@ -30,13 +30,17 @@ from .light_upload import LightGroups
 from .native import lanes, max_depth, raise_primray_error, threads
 from .scene_record import InstanceNumbers, SceneRecord
 from .scene_upload import UploadRecord, emitter_warnings, upload_scene
-from .surface_upload import KeptImages, MutableTextures, Textures
+from .surface_upload import KeptImages, MutableTextures, OnFile, Textures
 
 if TYPE_CHECKING:
     from .scene_upload import UploadRecord
 
 
 LARGEST_CLAMP = 3e38  # the core's clamp must be finite
+
+
+class Cancelled(Exception):
+    """What was being learnt for a scene is not needed any more."""
 
 
 class Splits(NamedTuple):
@@ -71,6 +75,7 @@ class CoreScene:
         self.is_deep = False  # films of the scene hold a deep picture
         self._without_caustics: compiled.LpeAutomaton | None = None  # for renders without caustics
         self.uploaded: UploadRecord | None = None
+        self.cancellation: compiled.Cancellation | None = None  # asked for from other threads; learning then raises Cancelled
         # Caches by path depth and whether caustics are rendered.
         self._guides: dict[tuple[int, bool, Splits], compiled.Guide | None] = {}
         self._caustics: dict[int, compiled.CausticGuide | None] = {}
@@ -95,12 +100,14 @@ class CoreScene:
             return Splits()
         depth = max_depth(settings), settings.caustics
         if depth not in self._splits:
-            pilot = integrator_settings(settings, caustics=self.caustics(settings))
+            pilot = integrator_settings(settings, caustics=self.caustics(settings), cancel=self.cancellation)
             try:
                 with span("choose splits"):
-                    self._splits[depth] = Splits(*compiled.choose_splits(self._scene, pilot, lanes()))
+                    found = Splits(*compiled.choose_splits(self._scene, pilot, lanes()))
             except compiled.CoreError as error:
                 raise_primray_error(error)
+            self._raise_if_cancelled()
+            self._splits[depth] = found
         return self._splits[depth]
 
     def guide(self, settings: RenderSettings, splits: Splits) -> compiled.Guide | None:
@@ -111,10 +118,16 @@ class CoreScene:
         depth = max_depth(settings), settings.caustics
         if (*depth, splits) not in self._guides:
             asked = integrator_settings(
-                settings, splits=splits.paths, light_samples=splits.lights, caustics=self.caustics(settings)
+                settings,
+                splits=splits.paths,
+                light_samples=splits.lights,
+                caustics=self.caustics(settings),
+                cancel=self.cancellation,
             )
             with span("path guide"):
-                self._guides[*depth, splits] = compiled.learn_guide(self._scene, asked, lanes())
+                found = compiled.learn_guide(self._scene, asked, lanes())
+            self._raise_if_cancelled()
+            self._guides[*depth, splits] = found
         return self._guides[*depth, splits]
 
     def caustics(self, settings: RenderSettings) -> compiled.CausticGuide | None:
@@ -128,8 +141,14 @@ class CoreScene:
         depth = max_depth(settings)
         if depth not in self._caustics:
             with span("caustics"):
-                self._caustics[depth] = compiled.learn_caustics(self._scene, depth, threads(settings), lanes())
+                found = compiled.learn_caustics(self._scene, depth, threads(settings), lanes(), cancel=self.cancellation)
+            self._raise_if_cancelled()
+            self._caustics[depth] = found
         return self._caustics[depth]
+
+    def _raise_if_cancelled(self) -> None:
+        if self.cancellation is not None and self.cancellation.is_asked:
+            raise Cancelled
 
     def lpe_automaton(self, settings: RenderSettings) -> compiled.LpeAutomaton | None:
         """Return the automaton of the light path expressions, or None if nothing depends on them."""
@@ -219,15 +238,17 @@ def dice(
     settings: RenderSettings,
     textures: Textures | None = None,
     known: dict[int, dicing.DicedShape] | None = None,
+    on_cage: dicing.OnCage | None = None,
 ) -> tuple[SceneDescription, dicing.Warnings]:
     """Return the description with subdivision cages diced to triangles, and warnings where they are coarser or sharper.
 
     `textures`: every TextureFile that could be read; those that displace cages are used. `known`: what was diced before.
+    `on_cage` is called with the number of cages that have been diced, and of all.
     """
     try:
         displaced = displacements(description, textures or {})
         chosen = dicing.dicing_by_settings(settings)
-        made, warnings = dicing.dice(compiled, description, chosen, threads(settings), displaced, known)
+        made, warnings = dicing.dice(compiled, description, chosen, threads(settings), displaced, known, on_cage)
         made, notes = dice_patches_of(dice_ribbons(made, chosen.pixels), chosen)
         return made, [*warnings, *notes]
     except compiled.CoreError as error:
@@ -240,18 +261,22 @@ def build(
     settings: RenderSettings,
     shapes: list[Shape] | None = None,
     kept: KeptImages | None = None,
+    *,
+    has_record: bool = False,
+    on_file: OnFile | None = None,
 ) -> CoreScene:
     """Return the core's scene with acceleration structures; `textures`: all images that could be read, emptied on the way.
 
     `shapes`, if given, replaces the description's shapes; it is emptied to save memory. `kept`: images of an earlier scene, of
-    which `textures` may have the sizes alone.
+    which `textures` may have the sizes alone. `has_record`: what rays hit is to be named although no AOV is requested.
+    `on_file`: as in SurfaceUpload.add_images.
     """
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
-    record = SceneRecord() if description.aovs else None
+    record = SceneRecord() if description.aovs or has_record else None
     try:
         limit_hierarchies(settings)
         offsets = inverse_cdf(settings.pixel_filter, width)
-        scene, uploaded = upload_scene(description, textures, width, offsets, shapes, record, kept)
+        scene, uploaded = upload_scene(description, textures, width, offsets, shapes, record, kept, on_file)
     except compiled.CoreError as error:
         if error.args[0] == "out-of-memory" and settings.max_memory_bytes is not None:
             held = int(compiled.embree_memory()[1]) / process_memory.MIB

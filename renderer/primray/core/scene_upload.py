@@ -60,7 +60,7 @@ from .single_precision import (
     separate_stretched_curves,
     union_without_outliers,
 )
-from .surface_upload import KeptImages, MutableTextures, SurfaceUpload, TextureKey
+from .surface_upload import KeptImages, MutableTextures, OnFile, SurfaceUpload, TextureKey
 from .surface_upload import width as width_of
 
 
@@ -72,11 +72,12 @@ def upload_scene(
     shapes: list[Shape] | None = None,
     record: SceneRecord | None = None,
     kept: KeptImages | None = None,
+    on_file: OnFile | None = None,
 ) -> tuple[compiled.Scene, UploadRecord]:
     """Upload a description; return the core's Scene and a record of the upload. Empties `textures` to save memory.
 
     `shapes`, if given, replaces the description's shapes; it is emptied once the core has copies, before acceleration
-    structures are built. `record` receives the meaning of the core's row numbers.
+    structures are built. `record` receives the meaning of the core's row numbers. `on_file`: as in SurfaceUpload.add_images.
     """
     shapes = list(description.shapes) if shapes is None else shapes
     warnings: list[tuple[str, str, str]] = []
@@ -85,7 +86,7 @@ def upload_scene(
     full_boxes = shape_boxes(shapes)
     boxes = boxes_without_outliers(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
-    origin = rebasing_origin(d.camera)
+    origin = rebasing_origin(d.anchor or d.camera)
     low, high = world_boxes(d, boxes, prototype_boxes)
     scale = power_of_two_scale(scene_extent(d, low, high, origin))
     builder = compiled.SceneBuilder(origin.tolist(), scale)
@@ -142,7 +143,7 @@ def upload_scene(
     camera = camera_input(d.camera, d.frame, d.camera_motion)
     builder.set_camera(filled(camera, filter_width=filter_width, filter_inverse_cdf=filter_inverse_cdf))
     with span("hand over images"):
-        inputs.add_images(kept)
+        inputs.add_images(kept, on_file)
     items = sum(points_and_triangles(shapes)) + instances
     shapes.clear()
     if items > WORTH_ITEMS:

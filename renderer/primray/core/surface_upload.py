@@ -23,6 +23,7 @@ Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, 
 MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]
 
 ReadFiles = Callable[[Collection[TextureFile]], Textures]
+OnFile = Callable[[int, int], None]
 
 DIRECTIONS = ("normal", "tangent")  # inputs that have no constant form
 NORMAL_ST = "st"  # the primvar that spans the tangents of a normal input which is no texture
@@ -228,13 +229,14 @@ class SurfaceUpload:
     def texture_numbers(self) -> dict[TextureKey, int]:
         return dict(self._numbers)
 
-    def add_images(self, kept: KeptImages | None = None) -> None:
+    def add_images(self, kept: KeptImages | None = None, on_file: OnFile | None = None) -> None:
         """Add the images of all textures; call after shapes, placements, lights and the camera.
 
-        Each file's image is released once the core has copied what it keeps. `kept` gives those that it can.
+        Each file's image is released once the core has copied what it keeps. `kept` gives those that it can. `on_file` is
+        called with the number of files whose images have been added, and of all.
         """
         if kept is None:
-            self._add_images(self._numbers)
+            self._add_images(self._numbers, on_file)
             return
         builder = self._builder
         assert isinstance(builder, compiled.SceneBuilder)
@@ -246,11 +248,13 @@ class SurfaceUpload:
             self._textures.update({file: list(tiles) for file, tiles in read({key.file for key in wanted}).items()})
         self._add_images(wanted)
 
-    def _add_images(self, wanted: Mapping[TextureKey, int]) -> None:
+    def _add_images(self, wanted: Mapping[TextureKey, int], on_file: OnFile | None = None) -> None:
         by_file: dict[TextureFile, list[tuple[TextureKey, int]]] = {}
         for key, number in wanted.items():
             by_file.setdefault(key.file, []).append((key, number))
-        for file, keys in by_file.items():
+        for done, (file, keys) in enumerate(by_file.items()):
+            if on_file is not None:
+                on_file(done, len(by_file))
             self._add_file(self._textures.pop(file), keys)
         self._textures.clear()
 

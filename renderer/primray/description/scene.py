@@ -4,7 +4,7 @@ frame; and whether display views of the picture need alpha."""
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,6 +71,7 @@ class SceneDescription:
     # Surfaces emit and there are no lights: a small test render decides whether a studio light is added
     # (staging.py).
     may_need_light: bool = False
+    anchor: Camera | None = None  # camera near which lengths are measured; None: the one that is rendered
     fog: Fog | None = None
     media: tuple[VolumeMedium, ...] = ()  # volumes of voxels; their extinctions add where they overlap
     volume_emissions: tuple[VolumeEmission, ...] = ()  # light of voxels
@@ -137,6 +138,22 @@ def _first_centre(edge: float, count: int) -> int:
     at = edge * count - 0.5
     nearest = round(at)
     return nearest if abs(at - nearest) <= max(abs(edge), 1.0) * count * 2.0**-23 else math.ceil(at)
+
+
+def with_larger_pixels(description: SceneDescription, size: float) -> SceneDescription:
+    """Return the description with pixels `size` times as wide and high, at least one, that fill the same window of the camera.
+
+    Their shape differs from that of the pixels of before by what rounding to whole pixels leaves.
+    """
+    width, height = (max(1, round(side / size)) for side in description.resolution)
+    across, down = description.resolution[0] / width, description.resolution[1] / height
+    pixels = description.pixels
+    if pixels is not None:
+        left, top = math.floor(pixels.x / across), math.floor(pixels.y / down)
+        right, bottom = math.ceil((pixels.x + pixels.width) / across), math.ceil((pixels.y + pixels.height) / down)
+        pixels = PixelWindow(left, top, right - left, bottom - top)
+    aspect = description.pixel_aspect_ratio * across / down
+    return replace(description, resolution=(width, height), pixels=pixels, pixel_aspect_ratio=aspect)
 
 
 def is_lit_behind(description: SceneDescription) -> bool:

@@ -5,7 +5,7 @@ output of a pattern (a graph of MaterialX's primitive nodes); and which primvars
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from typing import Any
 
@@ -375,6 +375,22 @@ def pattern_files(pattern: Pattern) -> dict[TextureFile, set[str]]:
                 channels = named if isinstance(named, str) else _CHANNELS.get(node.type, "rgb")
                 found.setdefault(value, set()).update(channels)
     return found
+
+
+def without_images(surface: Surface) -> Surface:
+    """Return the surface with the shading model's constants in place of all that image files decide; the same object if it
+    reads none."""
+    reads_files = surface.pattern is not None and bool(pattern_files(surface.pattern))
+    gone = (TextureInput, PatternInput) if reads_files else (TextureInput,)
+    names = [name for name, reads in surface.inputs if isinstance(reads, gone)]
+    if not names:
+        return surface
+    left = tuple(item for item in surface.inputs if item[0] not in names)
+    made = replace(surface, inputs=left, pattern=None if reads_files else surface.pattern)
+    usual: dict[str, Any] = {f.name: f.default for f in fields(Surface)}
+    for prefix, holder in surface._lobes:
+        usual |= {} if holder is None else {prefix + f.name: f.default for f in fields(holder)}
+    return made.with_constants({name: usual[name] for name in names if name in usual})
 
 
 def plain_images(pattern: Pattern | None) -> Iterator[TextureInput]:

@@ -26,7 +26,9 @@ from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
 from ..textures.texture import Texture
 
 # Fields of a description that may change while the tables of shapes stay.
-UPDATABLE = frozenset({"lights", "surfaces", "camera", "static", "resolution", "pixels", "pixel_aspect_ratio", "time_code"})
+UPDATABLE = frozenset(
+    {"lights", "surfaces", "camera", "anchor", "static", "resolution", "pixels", "pixel_aspect_ratio", "time_code"}
+)
 NO_SURFACES = np.zeros(0, np.int32)
 LightImages = Mapping[TextureFile, list[tuple[int, Texture]]]
 
@@ -73,7 +75,7 @@ def kept_images(scene: CoreScene, fresh: Collection[TextureFile], read: ReadFile
 def _may_stay(uploaded: UploadRecord, before: SceneDescription, now: SceneDescription, changed: frozenset[str]) -> bool:
     if not (changed <= UPDATABLE and uploaded.is_editable and now.exposure is None and now.camera_motion is None):
         return False
-    if not np.array_equal(uploaded.origin, rebasing_origin(now.camera)):
+    if not np.array_equal(uploaded.origin, rebasing_origin(now.anchor or now.camera)):
         return False
     return len(before.surfaces) == len(now.surfaces) and all(map(_are_alike, before.surfaces, now.surfaces))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from ..checkpoints.checkpointing import Checkpointing
+    from ..description import SceneDescription
     from ..diagnostics import Diagnostics
     from ..images.image import Image
     from ..render.prepare import OpenedStage, Steps
@@ -114,6 +115,19 @@ class KeptStage(OpenedFrames):
         self._changes = StageChanges(self.opened.stage)
         self._steps = MemoryLimitedSteps() if is_frugal else CachedSteps()
 
+    @property
+    def own_steps(self) -> CachedSteps:
+        return self._steps
+
+    def further_steps(self) -> CachedSteps:
+        """Return steps for another scene of the stage, which shares its translation and may be prepared in another thread."""
+        return CachedSteps(self._steps.translation)
+
+    @property
+    def lock(self) -> AbstractContextManager[object]:
+        """Whoever edits the stage holds this, where scenes are prepared in other threads."""
+        return self._steps.translation.lock
+
     def forget(self) -> None:
         self._steps.forget()
 
@@ -125,12 +139,29 @@ class KeptStage(OpenedFrames):
                 yield self._steps
 
     def prepare(
-        self, settings: RenderSettings, costs: Costs, diagnostics: Diagnostics, *, fingerprinted: bool = False
+        self,
+        settings: RenderSettings,
+        costs: Costs,
+        diagnostics: Diagnostics,
+        *,
+        fingerprinted: bool = False,
+        steps: CachedSteps | None = None,
     ) -> Prepared:
-        """Prepare a render, as render.prepare does."""
-        with self.steps(costs) as steps:
+        """Prepare a render, as render.prepare does, by its own steps or by `further_steps`."""
+        steps = self._steps if steps is None else steps
+        with self.lock, OpenedFrames.steps(self, costs):
+            self._catch_up(costs)
             stage, opening = self.opened.stage, self.opened.diagnostics
+        with steps.whole():
             return prepare(stage, opening, settings, costs, diagnostics, fingerprinted=fingerprinted, steps=steps)
+
+    def translated(self, settings: RenderSettings) -> SceneDescription:
+        """Return the stage's translation, which the next picture with these settings is made of."""
+        from ..report.report import Costs
+
+        with self.lock:
+            self._catch_up(Costs())
+            return self._steps.translate(self.opened.stage, settings)[0]
 
     def _catch_up(self, costs: Costs) -> None:
         """Take the edits since the last render; after edits of the composition, repeat the checks of opening."""
@@ -139,7 +170,7 @@ class KeptStage(OpenedFrames):
 
             follow_session_layers(self.opened.stage)
         changes = self._changes.take()
-        self._steps.changes.add(changes)
+        self._steps.translation.changes.add(changes)
         if changes.others:
             from ..diagnostics import Diagnostics
             from ..usd.stage.open import recheck_stage

@@ -7,8 +7,9 @@ unchanged if their sizes and times are.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+import threading
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -16,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..checkpoints.fingerprint import PARTS, fields_of, fingerprint_of
-from ..description import SceneDescription, TextureFile, TextureInput, Wrap
-from ..description.shading import pattern_files
+from ..description import SceneDescription, Surface, TextureFile, TextureInput, Wrap
+from ..description.shading import pattern_files, without_images
 from ..diagnostics import Diagnostic, Diagnostics
 from ..process_memory import machine_bytes, resident_bytes
 from ..render.prepare import Steps, Textures, image_sizes, read_files
@@ -63,21 +64,47 @@ class _Built:
     looks: tuple[int | None, bool]  # the settings that its learnt path guides are valid for
 
 
-class CachedSteps(Steps):
-    """Steps of one stage; `changes` are those that its translation has not taken yet."""
+class SharedTranslation:
+    """The translation of a stage, which the steps of several scenes may share, and the edits that it has not taken yet.
+
+    `lock` is held by who reads or edits the stage; steps in other threads then wait.
+    """
 
     def __init__(self) -> None:
         from ..core import compiled
         from ..usd.incremental import Changes, KeptTranslation
 
+        self.lock = threading.RLock()
         self.changes = Changes()
+        self.kept = KeptTranslation(compiled.triangulate)
+
+    def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
+        from ..usd.incremental import Changes
+
+        with self.lock:
+            changes, self.changes = self.changes, Changes()
+            return self.kept.translate(stage, without_sampling_settings(settings), changes)
+
+
+class CachedSteps(Steps):
+    """Steps of one stage. `translation`: that of other steps, whose scenes differ in what is made after it."""
+
+    def __init__(self, translation: SharedTranslation | None = None) -> None:
+        self.translation = SharedTranslation() if translation is None else translation
         self._is_whole = True
-        self._translation = KeptTranslation(compiled.triangulate)
-        self.forget()
+        self._translation = self.translation.kept
+        self._plain: dict[int, tuple[Surface, Surface]] = {}
+        self._drop()
+
+    def reading_stage(self) -> AbstractContextManager[object]:
+        return self.translation.lock
 
     def forget(self) -> None:
         """Drop the results of all earlier renders."""
         self._translation.forget()
+        self._drop()
+
+    def _drop(self) -> None:
         self._loaded: LoadedTextures | None = None
         self._diced: _Diced | None = None
         self.diced_before = {}
@@ -93,15 +120,22 @@ class CachedSteps(Steps):
             yield
         finally:
             if not self._is_whole:
-                self.forget()
+                with self.reading_stage():
+                    self.forget()
 
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
-        from ..usd.incremental import Changes
-
         if not self._files_are_the_same():
-            self.forget()
-        changes, self.changes = self.changes, Changes()
-        return self._translation.translate(stage, without_sampling_settings(settings), changes)
+            with self.reading_stage():
+                self.forget()
+        return self.translation.translate(stage, settings)
+
+    def without_images(self, description: SceneDescription) -> SceneDescription:
+        """Return the description with surfaces that read no image files, the same ones as before where they are of the same."""
+        before, self._plain = self._plain, {}
+        for surface in description.surfaces:
+            known = before.get(id(surface))
+            self._plain[id(surface)] = known if known is not None else (surface, without_images(surface))
+        return replace(description, surfaces=tuple(self._plain[id(surface)][1] for surface in description.surfaces))
 
     def _files_are_the_same(self) -> bool:
         loaded = self._loaded
@@ -116,8 +150,10 @@ class CachedSteps(Steps):
             self._loaded = replace(kept.of(description), fresh=frozenset())
         else:
             known = kept.files if kept is not None and kept.default_wrap is settings.default_wrap else {}
-            about = file_states(self._translation.files(description))
-            self._loaded, textures = load(description, settings.default_wrap, about, diagnostics, known)
+            with self.reading_stage():
+                about = file_states(self._translation.files(description))
+            told = partial(self.on_progress, "textures")
+            self._loaded, textures = load(description, settings.default_wrap, about, diagnostics, known, told)
         diagnostics.extend(self._loaded.told)
         return self._loaded.made, textures
 
@@ -189,6 +225,7 @@ class CachedSteps(Steps):
         looks, filtered = (settings.max_depth, settings.is_quick_look), (settings.pixel_filter, settings.filter_width)
         scene = None if kept is None else self._again(kept, description, filtered, looks, settings)
         if scene is None:
+            self.on_progress("build", 0, 0)
             self.kept_images = None if kept is None else self._images_of(kept.scene, textures)
             kept = None  # freed before another one takes memory
             scene = super().build(
@@ -279,13 +316,14 @@ def load(
     states: FileStates | None,
     heard: Diagnostics,
     known: Mapping[TextureFile, LoadedFile],
+    on_image: Callable[[int, int], None] | None = None,
 ) -> tuple[LoadedTextures, Textures]:
     """Load textures, but for those in `known` that have the same readers; return all that is known now, and what was read.
 
     Diagnostics are kept, not reported; `heard` only decides how they name files.
     """
     read_diagnostics, light_diagnostics = Diagnostics(heard.shown), Diagnostics(heard.shown)
-    found = read_files(description, read_diagnostics, read_asset, Wrap(default_wrap.value), known)
+    found = read_files(description, read_diagnostics, read_asset, Wrap(default_wrap.value), known, on_image)
     textures = images_of(found)
     made = replace(description, lights=with_read_textures(description.lights, textures, light_diagnostics))
     lit, sizes = _light_files(description), dict[int, Texture]()

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -100,7 +102,7 @@ def _prepare(
     from .. import usd
     from ..description import CameraVisibility
     from ..description.picture_file import PLAIN
-    from ..description.scene import is_lit_behind
+    from ..description.scene import is_lit_behind, with_larger_pixels
     from ..report.report import resolve_settings
     from ..report.summary import texture_sizes
 
@@ -116,6 +118,8 @@ def _prepare(
         if process_memory.held is not None:
             sizes = texture_sizes(description, usd.read_asset).values()
             check_memory(description, settings, [size for size in sizes if size], film_copies=int(fingerprinted))
+        if not settings.surface_textures:
+            description = steps.without_images(description)
         description, textures = steps.load_textures(description, diagnostics, settings)
         if settings.dome is not None:
             from ..staging import require_dome
@@ -128,39 +132,49 @@ def _prepare(
         description = steps.add_missing_light(description, textures, settings, diagnostics)
     digests = steps.fingerprint(description, textures) if fingerprinted else {}
     with costs.stage("dice"):
-        description, limits = steps.dice(description, textures, settings)
+        looked_at = description
+        if settings.dicing_camera is not None:
+            looked_at = replace(description, camera=settings.dicing_camera, camera_motion=None)
+        diced, limits = steps.dice(looked_at, textures, settings)
+        description = replace(
+            diced, camera=description.camera, camera_motion=description.camera_motion, anchor=settings.dicing_camera
+        )
     for code, path, message in limits:
         diagnostics.add(code, path, message)
 
+    if settings.metric is Metric.DISPLAY:
+        _check_view(description, diagnostics, settings)
+    given, settings = settings, resolve_settings(settings, description)
+    counted, motion = steps.count(description, settings, images)
+    if settings.pixel_size != 1:
+        description = with_larger_pixels(description, settings.pixel_size)
     ground_shadow = None
     if settings.ground is Ground.SHADOW:
         from ..staging import GroundShadow
 
-        ground_shadow = GroundShadow(description, dict(textures), settings)
-    if settings.metric is Metric.DISPLAY:
-        _check_view(description, diagnostics, settings)
-    settings = resolve_settings(settings, description)
-    counted, motion = steps.count(description, settings, images)
+        ground_shadow = GroundShadow(description, dict(textures), given)
     shapes, description = list(description.shapes), replace(description, shapes=())
     with costs.stage("build"):
         scene = steps.build(description, textures, settings, shapes)
     for code, path, message in scene.warnings:
         diagnostics.add(code, path, message)
     diagnostics.raise_if_refused(settings.refusal)
-    if scene.bounds is None:
-        _require_something_to_render(diagnostics, settings)
-    left_out = {} if scene.bounds is not None else usd.count_undrawn_shapes(stage, settings)
+    with steps.reading_stage():
+        if scene.bounds is None:
+            _require_something_to_render(diagnostics, settings)
+        left_out = {} if scene.bounds is not None else usd.count_undrawn_shapes(stage, settings)
+        if description.aovs and stage.GetPrototypes():  # all instances may have been turned into copies
+            assert scene.record is not None
+            record = scene.record
+            shown = [*record.shape_paths, *(path for path, _ in record.media)]
+            materials = [*record.surface_paths, *(material for _, material in record.media)]
+            record.names = usd.names_in_instances(stage, shown, materials, description.instances)
+        assets: dict[str, str] = {}
+        if any(request.source == "crypto_asset" for request in description.aovs):
+            assert scene.record is not None
+            assets = usd.assets_of(stage, [*scene.record.shape_paths, *(path for path, _ in scene.record.media)])
+        name = usd.stage_name(stage)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
-    if description.aovs and stage.GetPrototypes():  # all instances may have been turned into copies
-        assert scene.record is not None
-        record = scene.record
-        shown = [*record.shape_paths, *(path for path, _ in record.media)]
-        materials = [*record.surface_paths, *(material for _, material in record.media)]
-        record.names = usd.names_in_instances(stage, shown, materials, description.instances)
-    assets: dict[str, str] = {}
-    if any(request.source == "crypto_asset" for request in description.aovs):
-        assert scene.record is not None
-        assets = usd.assets_of(stage, [*scene.record.shape_paths, *(path for path, _ in scene.record.media)])
     prepared = Prepared(
         scene=scene,
         settings=settings,
@@ -186,7 +200,7 @@ def _prepare(
         and not (description.media or description.volume_emissions)  # the camera sees all Volumes
     )
     prepared = replace(prepared, ground_shadow=ground_shadow)
-    return replace(prepared, assets=assets, labels=labels, stage=usd.stage_name(stage), hidden_from_camera=hidden)
+    return replace(prepared, assets=assets, labels=labels, stage=name, hidden_from_camera=hidden)
 
 
 def _require_something_to_render(diagnostics: Diagnostics, settings: RenderSettings) -> None:
@@ -301,9 +315,19 @@ def check_memory(
 Textures = dict["TextureFile", "list[tuple[int, Texture]]"]
 
 
-class Steps:
-    """The steps in their order, without caching."""
+def _unheard(step: str, done: int, of: int) -> None:
+    pass
 
+
+class Steps:
+    """The steps in their order, without caching.
+
+    `on_progress` is called with a step's name, how many of its parts are done, and how many there are (0: not known); what it
+    raises ends the preparation.
+    """
+
+    on_progress: Callable[[str, int, int], None] = staticmethod(_unheard)
+    has_record = False  # whether what rays hit can be named although no AOV is requested
     diced_before: dict[int, DicedShape] | None = None  # what was diced before; None: nothing stays
     kept_images: KeptImages | None = None  # those of an earlier scene in the core, for the next one that is built
 
@@ -312,6 +336,16 @@ class Steps:
         from ..core import compiled
 
         return usd.translate(stage, settings, compiled.triangulate)
+
+    def reading_stage(self) -> AbstractContextManager[object]:
+        """Return a block in which nobody else edits the stage."""
+        return nullcontext()
+
+    def without_images(self, description: SceneDescription) -> SceneDescription:
+        """Return the description with surfaces that read no image files."""
+        from ..description.shading import without_images
+
+        return replace(description, surfaces=tuple(map(without_images, description.surfaces)))
 
     def load_textures(
         self, description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings
@@ -335,7 +369,7 @@ class Steps:
         """Return the diced description, and code, path and message of approximations."""
         from .. import core
 
-        return core.dice(description, settings, textures, self.diced_before)
+        return core.dice(description, settings, textures, self.diced_before, partial(self.on_progress, "dice"))
 
     def count(
         self, description: SceneDescription, settings: RenderSettings, images: list[ImageSize]
@@ -367,7 +401,15 @@ class Steps:
         memory."""
         from .. import core
 
-        return core.build(description, textures, settings, shapes, self.kept_images)
+        return core.build(
+            description,
+            textures,
+            settings,
+            shapes,
+            self.kept_images,
+            has_record=self.has_record,
+            on_file=partial(self.on_progress, "build"),
+        )
 
 
 def load_textures(
@@ -393,13 +435,14 @@ def read_files(
     read: Callable[[str], bytes] | None,
     default_wrap: Wrap,
     known: Mapping[TextureFile, LoadedFile] = MappingProxyType({}),
+    on_image: Callable[[int, int], None] | None = None,
 ) -> dict[TextureFile, LoadedFile]:
     """Return what the description's files gave, with diagnostics about them; those in `known` that have the same readers are
     not read again."""
     from ..textures.coverage import note_missing_tiles, note_textures_outside
     from ..textures.texture_set import images_of, load_files
 
-    files = load_files(description, read, default_wrap, diagnostics.shown, known)
+    files = load_files(description, read, default_wrap, diagnostics.shown, known, on_image=on_image)
     for one in files.values():
         diagnostics.extend(one.told)
     note_textures_outside(description, images_of(files), diagnostics)

@@ -34,6 +34,13 @@ def camera_choice(name: str, value: Any) -> str | Camera | Matrix:
     return _rigid(name, value.GetTranspose() if hasattr(value, "GetTranspose") else value)
 
 
+def camera_itself(name: str, value: Any) -> Camera:
+    """Return the checked camera; SettingsError for all but a Camera."""
+    if not hasattr(value, "world_from_camera"):
+        raise refused(name, "a primray.Camera", value)
+    return _checked(name, value)
+
+
 def _rigid(name: str, value: Any) -> Matrix:
     try:
         rows = tuple(tuple(float(item) for item in row) for row in value)

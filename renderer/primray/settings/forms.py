@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .camera_choice import camera_choice, read_lens_flaws
+from .camera_choice import camera_choice, camera_itself, read_lens_flaws
 from .setting import Reader, Row, choice, file, four_numbers, number, pair, text, texts, two_numbers, whole, yes_or_no
 
 FORMS: Mapping[Reader, Any] = {
@@ -15,6 +15,7 @@ FORMS: Mapping[Reader, Any] = {
     text: str,
     file: str,
     camera_choice: str,
+    camera_itself: str,
     texts: list[str],
     read_lens_flaws: list[str],
     pair: tuple[int, int],

@@ -16,7 +16,7 @@ from ..composition import Composition
 from ..diagnostics import Refusal, check_codes
 from ..errors import SettingsError, did_you_mean
 from ..lens.diffusion import fault_of
-from .camera_choice import Matrix, camera_choice, read_lens_flaws
+from .camera_choice import Matrix, camera_choice, camera_itself, read_lens_flaws
 from .choices import (
     DEFAULT_DICING_RATE,
     DEFAULT_MOTION_ERROR,
@@ -91,6 +91,10 @@ def _check_resolution(name: str, size: tuple[int, int]) -> None:
 
 def _is_scale(scale: float) -> bool:
     return 0 < scale <= MAX_RESOLUTION
+
+
+def _is_pixel_size(size: float) -> bool:
+    return 1 <= size <= MAX_RESOLUTION
 
 
 def _check_samples(name: str, spp: int) -> None:
@@ -682,6 +686,7 @@ class RenderSettings:
         number,
         check=must(is_positive, "the dicing rate must be a number of pixels above 0"),
         counts=Counts.PIXELS,
+        sampling=True,
         flag=Flag(
             ("--dicing-rate",),
             "Longest edge of diced subdivision surfaces, in pixels.",
@@ -689,6 +694,39 @@ class RenderSettings:
             commands=OPENING - {"view"},
         ),
         member=Member(bounds={"gt": 0, "le": 1e6}, is_open=True),
+    )
+    # Camera that surfaces are diced for, in a frame of the picture's size, and near which lengths are measured; None: the one
+    # that is rendered. Of pictures with the same one, wherever they are seen from, points and triangles are the same.
+    dicing_camera: Camera | None = setting(None, camera_itself, counts=Counts.PIXELS, sampling=True, seldom=True)
+    # False: surfaces do not read image files; the inputs that would have their constants.
+    surface_textures: bool = setting(
+        True,
+        yes_or_no,
+        counts=Counts.PIXELS,
+        sampling=True,
+        seldom=True,
+        flag=Flag(
+            ("--surface-textures",),
+            "off: surfaces do not read image files; those inputs have the constants of their shading model.",
+            form=OnOff,
+            commands=frozenset({"render"}),
+        ),
+    )
+    # Width of a rendered pixel in pixels of the resolution: at 4, a sixteenth of them is rendered, and all else is that of the
+    # whole picture: the view, and how finely surfaces are diced.
+    pixel_size: float = setting(
+        1.0,
+        number,
+        check=must(_is_pixel_size, f"the size of pixels must be a number from 1 to {MAX_RESOLUTION}"),
+        counts=Counts.PIXELS,
+        sampling=True,
+        seldom=True,
+        flag=Flag(
+            ("--pixel-size",),
+            "Render larger pixels, N times as wide as the resolution's; surfaces are diced for the whole picture.",
+            metavar="N",
+            commands=frozenset({"render"}),
+        ),
     )
     # False: ignore the shutter and render the scene at the frame's time.
     motion_blur: bool = setting(
@@ -1046,8 +1084,9 @@ def settings_of_json(values: Mapping[str, Any], of: type[RenderSettings] = Rende
         for row in rows(of)
         if isinstance(row.read, choice) and values.get(row.name) is not None
     }
-    if isinstance(values.get("camera"), Mapping):
-        from ..camera import camera_of
+    for name in ("camera", "dicing_camera"):
+        if isinstance(values.get(name), Mapping):
+            from ..camera import camera_of
 
-        chosen["camera"] = camera_of(values["camera"])
+            chosen[name] = camera_of(values[name])
     return of(**{**values, **chosen})

@@ -60,6 +60,9 @@ class SettingsValues(TypedDict, total=False):
     allow: Iterable[str]
     max_memory_bytes: int | None
     dicing_rate: float
+    dicing_camera: Camera | None
+    surface_textures: bool
+    pixel_size: float
     motion_blur: bool
     shutter: Iterable[float] | None
     motion_error: float | None

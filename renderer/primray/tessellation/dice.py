@@ -6,7 +6,7 @@ The refinement of cages itself is in the core (core/subdivision/dicing/dice.hpp)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -45,6 +45,7 @@ NO_FLOATS = np.zeros(0, np.float32)
 NO_COLUMNS = np.zeros((0, 0), np.float32)
 
 Warnings = list[tuple[str, str, str]]  # code, prim path, message
+OnCage = Callable[[int, int], None]
 
 
 class DicedCage(Protocol):
@@ -141,17 +142,18 @@ def dice(
     threads: int,
     displaced: Displacements | None = None,
     known: dict[int, DicedShape] | None = None,
+    on_cage: OnCage | None = None,
 ) -> tuple[SceneDescription, Warnings]:
     """Return the description with cages diced to triangles, and warnings. Edges are longer than asked if there would be too
     many triangles. `known`: what was diced before, by the index of its shape, which is used where nothing has changed; it is
-    updated."""
+    updated. `on_cage` is called with the number of cages that have been diced, and of all."""
     prints = footprints(description)
     if not prints:
         return description, []
     cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
     moved = {k: displaced.of(k, s) for k, s in cages.items() if displaced is not None and isinstance(s, DisplacedMesh)}
     known = {} if known is None else known
-    made, pixels = _within_limit(core, cages, prints, moved, dicing, threads, known)
+    made, pixels = _within_limit(core, cages, prints, moved, dicing, threads, known, on_cage)
     warnings: Warnings = [] if displaced is None else displaced.warnings
     if pixels > dicing.pixels:
         warnings.append(
@@ -181,6 +183,7 @@ def _within_limit(
     dicing: Dicing,
     threads: int,
     known: dict[int, DicedShape],
+    on_cage: OnCage | None = None,
 ) -> tuple[dict[int, DicedCage], float]:
     """Return the core's results and the edge length in pixels, which is doubled until all cages together have few enough
     triangles."""
@@ -198,8 +201,11 @@ def _within_limit(
             size = max(1, min(MAX_BATCH, len(numbers) // (16 * max(threads, 1))))  # handing over single small cages is slow
             batches = [numbers[start : start + size] for start in range(0, len(numbers), size)]
             jobs = [pool.submit(_dice_some, core, [(cages[k], prints[k], moved.get(k)) for k in some], now) for some in batches]
-            results = zip(numbers, (each for job in jobs for each in job.result()), strict=True)
-            made = done | {k: each for k, each in results if each is not None}
+            made = dict(done)
+            for k, each in zip(numbers, (each for job in jobs for each in job.result()), strict=True):
+                made |= {k: each} if each is not None else {}
+                if on_cage is not None:
+                    on_cage(len(made), len(cages))
             if len(made) == len(cages) and sum(len(each.triangles) for each in made.values()) <= limit:
                 return made, pixels
             pixels *= 2

@@ -70,11 +70,12 @@ def load_files(
     shown: Callable[[str], str] | None = None,
     known: Mapping[TextureFile, LoadedFile] = MappingProxyType({}),
     only: Collection[TextureFile] | None = None,
+    on_image: Callable[[int, int], None] | None = None,
 ) -> dict[TextureFile, LoadedFile]:
     """Return the description's files, or `only` some of them, in the order in which it reads them.
 
     Files that name no wrap mode get `default_wrap`. Files in `known` that have the same readers are not read again. `shown`
-    rewrites messages.
+    rewrites messages. `on_image` is called with the number of images that have been read, and of all.
     """
     uses = _uses(description)
     same = _alpha_elsewhere(uses)
@@ -92,7 +93,9 @@ def load_files(
     told = {file: Diagnostics(shown) for file in wanted}
     if jobs:
         with ThreadPoolExecutor(min(THREADS, len(os.sched_getaffinity(0)))) as threads:
-            for (file, number, path), loaded in zip(jobs, threads.map(load, jobs), strict=True):
+            for done, ((file, number, path), loaded) in enumerate(zip(jobs, threads.map(load, jobs), strict=True)):
+                if on_image is not None:
+                    on_image(done, len(jobs))
                 if isinstance(loaded, Texture):
                     images[file].append((number, _usable(loaded, path, uses[file], told[file])))
                 else:

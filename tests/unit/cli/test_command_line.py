@@ -213,7 +213,7 @@ def test_an_interrupted_render_leaves_a_picture_and_130(pipeline: FakePipeline, 
 def test_an_interrupt_outside_the_render(
     pipeline: FakePipeline, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(*_: Any) -> None:
+    def interrupted(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("primray.core.build", interrupted)
@@ -224,7 +224,7 @@ def test_an_interrupt_outside_the_render(
 def test_a_defect_is_one_line_and_a_traceback_on_request(
     pipeline: FakePipeline, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def broken(*_: Any) -> None:
+    def broken(*_: Any, **__: Any) -> None:
         raise ZeroDivisionError("by zero")
 
     monkeypatch.setattr("primray.core.build", broken)
