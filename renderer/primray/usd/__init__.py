@@ -9,7 +9,7 @@ precision and column-vector.
 
 from .camera.camera import nearest_of
 from .camera.framed_objects import framed_bounds
-from .camera.session_camera import has_camera, is_session_camera, place_camera
+from .camera.session_camera import camera_layer, has_camera, is_session_camera, place_camera
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
 from .inspect.prim_identity import assets_of, labels_of, names_in_instances
 from .inspect.scene_facts import stage_facts
@@ -18,6 +18,7 @@ from .materials.bound_materials import bound_materials
 from .render_settings.outputs import can_share_render, ordered_picture_channels, output_facts, outputs_of, pixel_settings
 from .render_settings.render_product import ProductSettings, RenderVariable
 from .render_settings.render_settings import named_product, products
+from .scene.bounds import world_box
 from .stage.metadata import stage_name, used_files
 from .stage.open import limit_threads, open_stage, reload_layers
 from .stage.reads import read_asset
@@ -29,6 +30,7 @@ __all__ = [
     "RenderVariable",
     "assets_of",
     "bound_materials",
+    "camera_layer",
     "camera_paths",
     "can_share_render",
     "count_undrawn_shapes",
@@ -57,5 +59,6 @@ __all__ = [
     "translate",
     "undrawn_shapes",
     "used_files",
+    "world_box",
     "write_usdz",
 ]

@@ -18,11 +18,13 @@ from primray.errors import PrimrayError
 from primray.live.viewer import Viewer
 
 from ..routes import page as service_page
+from .copied_command import copied_command
 
 FOLDER = Path(__file__).resolve().parent / "page"
 MOST_COMMAND_BYTES = 1 << 14
 ALIVE_EVERY_S = 15.0
 HOSTS = ("127.0.0.1", "localhost")
+SAVED = {"png": "image/png", "exr": "image/x-exr"}
 Answer = Callable[[Request], Awaitable[Response]]
 
 
@@ -94,6 +96,15 @@ def create_app(viewer: Viewer, news: News, token: str, name: str) -> Starlette:
     async def command(request: Request) -> Response:
         return await _command(request, viewer)
 
+    async def saved(request: Request) -> Response:
+        return await _saved(request.path_params["kind"], viewer, name)
+
+    async def camera(request: Request) -> Response:
+        return await _text(viewer.camera_text)
+
+    async def shell(request: Request) -> Response:
+        return await _text(lambda: copied_command(viewer.path, viewer.settings, viewer.looks, viewer.camera_text()))
+
     routes: list[tuple[str, Answer, str]] = [
         ("/", index, "GET"),
         ("/view/{name}", own_file, "GET"),
@@ -102,6 +113,9 @@ def create_app(viewer: Viewer, news: News, token: str, name: str) -> Starlette:
         ("/events", events, "GET"),
         ("/picture", picture, "GET"),
         ("/commands", command, "POST"),
+        ("/saved/{kind}", saved, "GET"),
+        ("/camera", camera, "GET"),
+        ("/shell", shell, "GET"),
     ]
     app = Starlette(routes=[Route("/{token}" + path, _guarded(answer, token), methods=[m]) for path, answer, m in routes])
     app.router.redirect_slashes = False
@@ -126,14 +140,38 @@ def _guarded(answer: Answer, token: str) -> Answer:
 
 def _picture(viewer: Viewer) -> Response:
     """Return the newest picture: rows from the top of R, G, B and A as bytes, with straight alpha. Its number and size are
-    headers."""
+    headers, and the token of the command that it is the first to show, if it is."""
     shown = viewer.shown
     if shown is None:
         return _refused(404, "no-picture", "No picture has been rendered yet.")
     height, width = shown.rgba.shape[:2]
     headers = {**service_page.HEADERS, "cache-control": "no-store"}
     headers |= {"x-picture": str(shown.number), "x-width": str(width), "x-height": str(height)}
+    if shown.token is not None and shown.token.isascii() and shown.token.isprintable():
+        headers["x-token"] = shown.token
     return Response(shown.rgba.tobytes(), headers=headers, media_type="application/octet-stream")
+
+
+async def _saved(kind: str, viewer: Viewer, name: str) -> Response:
+    """Return the picture that is shown as a file to save, named after the stage."""
+    if kind not in SAVED:
+        return _refused(404, "not-found", f"Pictures are saved as {' or '.join(SAVED)}.")
+    try:
+        content = await asyncio.to_thread(viewer.saved, f".{kind}")
+    except PrimrayError as error:
+        return _refused(409, error.code, error.message)
+    file = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in Path(name).stem)
+    headers = {**service_page.HEADERS, "cache-control": "no-store"}
+    headers["content-disposition"] = f'attachment; filename="{file}.{kind}"'
+    return Response(content, headers=headers, media_type=SAVED[kind])
+
+
+async def _text(make: Callable[[], str]) -> Response:
+    try:
+        text = await asyncio.to_thread(make)
+    except PrimrayError as error:
+        return _refused(409, error.code, error.message)
+    return Response(text, headers={**service_page.HEADERS, "cache-control": "no-store"}, media_type="text/plain; charset=utf-8")
 
 
 async def _command(request: Request, viewer: Viewer) -> Response:

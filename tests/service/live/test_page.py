@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+
 import numpy as np
-from tests.service.live.conftest import FLOOR, GREEN, mean_color, number, until_finished, until_phase
+import pytest
+from tests.service.live.conftest import FLOOR, GREEN, STAGE, mean_color, number, until_finished, until_phase
 from tests.service.page.conftest import until
+from tests.service.page.test_axe import check
+
+from primray.images.reading import read_image
 
 
 def test_the_picture_refines(look):
@@ -202,3 +212,189 @@ def test_it_says_when_the_viewer_has_ended(look):
     [watched] = look.opened
     assert all("net::ERR_" in line for line in watched.wrong)
     watched.wrong.clear()
+
+
+def point(page, x, y):
+    box = page.locator(".stage canvas").bounding_box()
+    return box["x"] + x * box["width"], box["y"] + y * box["height"]
+
+
+def select_box(page):
+    """Click the box in the middle of the picture, and wait until it is named."""
+    page.mouse.click(*point(page, 0.5, 0.5))
+    until(page, "document.getElementById('selected').innerText.includes('/world/box')")
+
+
+def test_a_click_names_what_is_there_and_f_frames_it(look):
+    page, _ = look()
+    until_finished(page)
+    assert "click something" in page.locator("#selected").inner_text()
+    before, first = number(page), pixels(page)
+    select_box(page)
+    assert "away" in page.locator("#selected").inner_text()
+    assert number(page) == before  # nothing is rendered for that
+    page.get_by_role("button", name="Frame selected f").click()
+    until_finished(page, before)
+    assert difference(first, pixels(page)) > 3
+    select_box(page)
+    page.keyboard.press("Escape")
+    until(page, "document.getElementById('selected').innerText.includes('click something')")
+    assert page.get_by_role("button", name="Frame all f").is_visible()
+
+
+def test_a_drag_turns_about_what_is_under_the_mouse(look):
+    """The corner of the box that the mouse holds stays where it is on the picture."""
+    page, _ = look("--camera", "/above")
+    until_finished(page)
+    x, y = point(page, 0.6, 0.5)
+    before = number(page)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 90, y, steps=6)
+    page.mouse.up()
+    until_finished(page, before)
+    page.mouse.click(x, y)
+    until(page, "document.getElementById('selected').innerText.includes('/world/box')")
+    steps = page.evaluate("performance.getEntriesByName('step').map((e) => e.duration)")
+    assert steps
+    assert all(0 < step < 60_000 for step in steps)
+    assert "s a step" in page.locator("#speed").inner_text()
+
+
+def test_flying_and_looking_around(look):
+    page, _ = look()
+    until_finished(page)
+    for keys in ("w", "a", "e"):
+        before, last = number(page), pixels(page)
+        page.locator(".stage").focus()
+        page.keyboard.down(keys)
+        page.wait_for_timeout(300)
+        page.keyboard.up(keys)
+        until_finished(page, before)
+        assert difference(last, pixels(page)) > 1
+    before, last = number(page), pixels(page)
+    page.keyboard.down("Alt")
+    drag(page, 60, 20)
+    page.keyboard.up("Alt")
+    until_finished(page, before)
+    assert difference(last, pixels(page)) > 1
+
+
+def test_other_outputs_and_views_are_shown(look):
+    page, _ = look()
+    until_finished(page)
+    picture, before = pixels(page), number(page)
+    page.get_by_label("Output").select_option("normal")
+    until_finished(page, before)
+    assert difference(picture, pixels(page)) > 10
+    before = number(page)
+    drag(page, 60, 0)  # while it is shown
+    until_finished(page, before)
+    before = number(page)
+    page.get_by_label("Output").select_option("")
+    until_finished(page, before)
+    before, shown = number(page), pixels(page)
+    views = page.get_by_label("View transform").locator("option").all_inner_texts()
+    page.get_by_label("View transform").select_option(views[-1])
+    until(page, f"Number(document.querySelector('.stage').dataset.pictures) > {before}")
+    assert difference(shown, pixels(page)) > 1
+
+
+def test_a_denoised_preview(look):
+    pytest.importorskip("pyoidn", reason="skipped: no denoiser")
+    page, _ = look("--spp", "8")
+    until_finished(page)
+    before, noisy = number(page), pixels(page)
+    page.get_by_label("Denoised preview").check()
+    until_finished(page, before)
+    assert 0 < difference(noisy, pixels(page)) < 20
+    assert page.get_by_label("Denoised preview").is_checked()
+
+
+def test_light_and_background_are_chosen(look):
+    page, _ = look()
+    until_finished(page)
+    before = number(page)
+    page.get_by_text("Light and background").click()
+    page.get_by_label("Background", exact=True).select_option("color")
+    page.get_by_label("Colour of the background").fill("#ff0000")
+    until_finished(page, before)
+    until(page, "document.querySelector('.stage canvas').getContext('2d').getImageData(0, 0, 1, 1).data[0] === 255")
+    before, last = number(page), pixels(page)
+    page.get_by_label("Studio light").select_option("on")
+    until_finished(page, before)
+    assert difference(last, pixels(page)) > 1
+    page.get_by_label("Dome, a lat-long image").fill("/no/such.exr")
+    page.get_by_label("Dome, a lat-long image").press("Enter")
+    until_phase(page, "failed")
+    assert "asset-missing" in page.locator("#problem").inner_text()
+    before = number(page)
+    page.get_by_label("Dome, a lat-long image").fill("")
+    page.get_by_label("Dome, a lat-long image").press("Enter")
+    until_finished(page, before)
+    assert page.locator("#problem").inner_text() == ""
+
+
+MOVING = STAGE.replace("double size = 2", "double size.timeSamples = {1: 1, 24: 3}")
+
+
+def test_a_frame_slider_where_something_moves(look, tmp_path):
+    page, _ = look()
+    until_finished(page)
+    assert not page.get_by_label("Frame", exact=True).is_visible()
+    (tmp_path / "moving.usda").write_text(MOVING)
+    (tmp_path / "floor.usda").write_text(FLOOR % GREEN)
+    page, _ = look(stage=tmp_path / "moving.usda")
+    until_finished(page)
+    slider = page.get_by_label("Frame", exact=True)
+    assert (slider.get_attribute("min"), slider.get_attribute("max")) == ("1", "24")
+    shown = []
+    for frame in ("24", "1"):
+        before = number(page)
+        slider.fill(frame)
+        until_finished(page, before)
+        shown.append(pixels(page))
+    assert difference(*shown) > 3
+
+
+def test_what_is_taken_away_renders_the_same_picture(look, tmp_path):
+    page, running = look("--spp", "8")
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    until_finished(page)
+    before = number(page)
+    drag(page, 80, 20)
+    until_finished(page, before)
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save EXR").click()
+    assert download.value.suggested_filename == "shot.exr"
+    download.value.save_as(tmp_path / "saved.exr")
+    page.get_by_role("button", name="Copy camera as USD").click()
+    until(page, "document.querySelector('.copied').innerText.includes('The camera is copied')")
+    assert 'def Camera "primray_view"' in page.evaluate("navigator.clipboard.readText()")
+    page.get_by_role("button", name="Copy command").click()
+    until(page, "document.querySelector('.copied').innerText.includes('The command is copied')")
+    command = page.evaluate("navigator.clipboard.readText()").replace("--spp 256", "--spp 8")
+    folder = Path(sys.executable).parent
+    again = {**os.environ, "PATH": f"{folder}:{os.environ['PATH']}"}
+    subprocess.run(["bash", "-ec", command], cwd=running.folder, env=again, check=True, timeout=120, capture_output=True)
+    saved, made = (read_image(path) for path in (tmp_path / "saved.exr", running.folder / "shot.exr"))
+    assert np.array_equal(saved.pixels, made.pixels)
+
+
+def test_keyboard_and_screen_reader(look):
+    """Everything is reached by Tab, has a name, and what changes is said."""
+    page, _ = look()
+    until_finished(page)
+    page.get_by_text("Light and background").click()
+    check(page, files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8"), "view")
+    names = set()
+    page.locator("body").press("Tab")
+    for _ in range(40):
+        names.add(
+            page.evaluate("document.activeElement.labels?.[0]?.innerText || document.activeElement.innerText || ''").strip()
+        )
+        page.keyboard.press("Tab")
+    for name in ("Camera", "Output", "Exposure, stops", "Copy command", "Studio light"):
+        assert name in names, names
+    page.mouse.click(*point(page, 0.5, 0.5))
+    until(page, "document.getElementById('say').innerText.includes('Selected /world/box')")

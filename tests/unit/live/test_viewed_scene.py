@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,8 @@ import primray
 from primray import usd
 from primray.errors import PrimrayError, SettingsError, StageOpenError
 from primray.images.image import Image
-from primray.live.viewed_scene import Size, View, ViewedScene
+from primray.live.aov_pictures import SHOWN
+from primray.live.viewed_scene import SKETCH_RATE, Size, View, ViewedScene
 from primray.render import Steps
 from primray.usd.incremental import translation
 
@@ -241,3 +244,215 @@ def test_a_package_that_changed(tmp_path: Path) -> None:
             (tmp_path / "b.usdz").rename(tmp_path / "a.usdz")
             assert same(picture(scene), expected)
             assert not same(first, expected)
+
+
+HEAVY = """#usda 1.0
+def Mesh "cage" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{
+    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
+    int[] faceVertexIndices = [0, 1, 3, 2, 2, 3, 5, 4, 4, 5, 7, 6, 6, 7, 1, 0, 1, 7, 5, 3, 6, 0, 2, 4]
+    point3f[] points = [(-1, -1, 1), (1, -1, 1), (-1, 1, 1), (1, 1, 1), (-1, 1, -1), (1, 1, -1), (-1, -1, -1), (1, -1, -1)]
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (0, 1), (1, 1), (0, 2), (1, 2), (0, 3), (1, 3)] (
+        interpolation = "vertex"
+    )
+    rel material:binding = </look>
+}
+def Material "look"
+{
+    token outputs:surface.connect = </look/s.outputs:surface>
+    def Shader "s"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </look/t.outputs:rgb>
+        token outputs:surface
+    }
+    def Shader "t"
+    {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @./red.png@
+        float2 inputs:st.connect = </look/r.outputs:result>
+        float3 outputs:rgb
+    }
+    def Shader "r"
+    {
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }
+}
+def DomeLight "sky" {
+}
+def Camera "cam" {
+    double3 xformOp:translate = (0, 0, 12)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+
+
+@pytest.fixture
+def heavy(tmp_path: Path) -> ViewedScene:
+    (tmp_path / "heavy.usda").write_text(HEAVY)
+    red = np.full((4, 4, 4), (0.9, 0.0, 0.0, 1.0), np.float32)
+    Image(red).save(tmp_path / "red.png")
+    return ViewedScene(str(tmp_path / "heavy.usda"), primray.RenderSettings(resolution=(96, 64), seed=3))
+
+
+def shown(scene: ViewedScene, size: Size) -> Image:
+    seen: list[View] = []
+    assert scene.render(size, seen.append, lambda: False, lambda: True)
+    return seen[-1].image
+
+
+def test_a_draft_of_a_heavy_stage_is_a_sketch_until_the_scene_is_there(heavy: ViewedScene) -> None:
+    """All of them are renders that anybody can make, to the bit."""
+    draft, settings = (
+        Size(3.0, 2, is_draft=True, keeps_surfaces=True),
+        primray.RenderSettings(resolution=(96, 64), seed=3, spp=2),
+    )
+    sketch = shown(heavy, draft)
+    plain: dict[str, Any] = {"surface_textures": False, "dicing_rate": SKETCH_RATE}
+    assert sketch.resolution == (32, 21)
+    assert same(sketch, primray.render(heavy.path, settings, pixel_size=3.0, **plain))
+    red, green = sketch.pixels[10, 16, :2]
+    assert red == pytest.approx(green, rel=1e-3)  # grey
+    assert heavy.is_sketch
+    ended = threading.Event()
+    heavy.prepare_ahead(ended.set)
+    heavy.move(lambda orbit, camera: orbit.tumbled(0.1, 0.0))  # while it is prepared
+    turned = shown(heavy, draft)
+    assert not same(turned, sketch)
+    assert ended.wait(60)
+    assert not heavy.is_sketch
+    found = shown(heavy, Size(3.0, 2, is_draft=True))
+    assert found.pixels[10, 16, 0] > 2 * found.pixels[10, 16, 1]
+    (Path(heavy.path).parent / "camera.usda").write_text(heavy.camera_text())
+    laid: dict[str, Any] = {"session_layer": str(Path(heavy.path).parent / "camera.usda"), "camera": "/primray_view"}
+    assert same(found, primray.render(heavy.path, settings, pixel_size=3.0, **laid))
+    assert same(picture(heavy), primray.render(heavy.path, settings, **laid))
+
+
+def test_surfaces_stay_while_the_camera_moves_and_are_diced_where_it_rests(
+    heavy: ViewedScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draft, look = Size(2.0, 2, is_draft=True, keeps_surfaces=True), Size(1.0, 2, keeps_surfaces=True)
+    picture(heavy)
+    assert heavy.through is not None
+    settings = primray.RenderSettings(resolution=(96, 64), seed=3, spp=2, dicing_camera=heavy.through)
+    with monkeypatch.context() as patch:
+        patch.setattr(Steps, "dice", None)
+        patch.setattr(Steps, "build", None)
+        for _ in range(10):
+            heavy.move(lambda orbit, camera: orbit.tumbled(0.15, 0.02).dollied(0.05, camera))
+            moved, whole = shown(heavy, draft), shown(heavy, look)
+    assert not heavy.is_exact
+    layer = Path(heavy.path).parent / "camera.usda"
+    layer.write_text(heavy.camera_text())
+    laid: dict[str, Any] = {"session_layer": str(layer), "camera": "/primray_view"}
+    assert same(moved, primray.render(heavy.path, settings, pixel_size=2.0, **laid))
+    assert same(whole, primray.render(heavy.path, settings, **laid))
+    ended = threading.Event()
+    heavy.prepare_ahead(ended.set)
+    assert ended.wait(60)
+    assert heavy.is_exact
+    with monkeypatch.context() as patch:
+        patch.setattr(Steps, "dice", None)
+        exact = picture(heavy)
+    assert same(exact, primray.render(heavy.path, settings, dicing_camera=None, **laid))
+
+
+def test_drafts_and_pictures_share_the_scene(heavy: ViewedScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    picture(heavy)
+    monkeypatch.setattr(Steps, "build", None)
+    monkeypatch.setattr(Steps, "dice", None)
+    for size in (Size(2.7, 2, is_draft=True), Size(1.0, 2), Size(5.0, 2, is_draft=True)):
+        shown(heavy, size)
+
+
+def test_a_simple_stage_needs_no_sketch(scene: ViewedScene) -> None:
+    shown(scene, Size(4.0, 2, is_draft=True))
+    assert not scene.is_sketch
+    assert scene.is_exact
+
+
+def test_another_choice_ends_what_is_prepared(heavy: ViewedScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    ended: list[bool] = []
+    shown(heavy, Size(3.0, 2, is_draft=True))
+    begun, going_on = threading.Event(), threading.Event()
+
+    def tell(step: str, done: int, of: int) -> None:
+        begun.set()
+        assert going_on.wait(60)
+
+    heavy.on_progress = tell
+    heavy.prepare_ahead(lambda: ended.append(True))
+    assert begun.wait(60)
+    heavy.on_progress = None
+    threading.Timer(0.1, going_on.set).start()
+    heavy.open()
+    assert not ended
+    picture(heavy)
+    assert heavy.is_exact
+
+
+def test_what_is_at_a_point_of_the_picture(scene: ViewedScene) -> None:
+    assert scene.pick(0.5, 0.5) is None  # nothing has been rendered
+    picture(scene)
+    hit = scene.pick(0.5, 0.5)
+    assert hit is not None
+    assert hit.prim == "/w/s"
+    assert hit.distance == pytest.approx(11, abs=0.01)
+    assert hit.position == pytest.approx([0, 0, 1], abs=0.3)
+    assert scene.pick(0.01, 0.01) is None
+    scene.select(0.5, 0.5)
+    assert scene.selected is not None
+    scene.choose("/w", "v", "b")
+    assert scene.selected is None  # it may not be there any more
+    picture(scene)
+    found = scene.pick(0.5, 0.5)
+    assert found is not None
+    assert found.prim == "/w/c"
+
+
+def test_what_is_selected_is_framed(scene: ViewedScene) -> None:
+    picture(scene)
+    scene.frame()
+    everything = scene.orbit
+    scene.select(0.5, 0.5)
+    scene.frame()
+    assert everything is not None
+    assert scene.orbit is not None
+    assert scene.orbit.target == pytest.approx([0, 0, 0], abs=1e-6)
+    assert scene.orbit.distance < 0.8 * everything.distance
+
+
+def test_it_turns_about_what_is_under_the_mouse(scene: ViewedScene) -> None:
+    picture(scene)
+    scene.turn_about(0.5, 0.5)
+    assert scene.orbit is not None
+    assert scene.orbit.target == pytest.approx([0, 0, 1], abs=0.3)
+    assert scene.orbit.eye == pytest.approx([0, 0, 12])
+    scene.turn_about(0.01, 0.01)  # nothing: what is framed
+    assert scene.bounds is not None
+    assert scene.orbit.target[2] == pytest.approx(float(np.mean([side[2] for side in scene.bounds])), abs=1e-6)
+    assert scene.orbit.eye == pytest.approx([0, 0, 12])
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_aovs_are_shown(scene: ViewedScene, name: str) -> None:
+    seen: list[View] = []
+    scene.aov = name
+    scene.render(Size(1.0, 4), seen.append, lambda: False, lambda: True)
+    assert len(seen) == 1
+    drawn = seen[0].drawn
+    assert (drawn is None) == (name in ("albedo", "emission"))
+    values = seen[0].image.pixels if drawn is None else drawn
+    if name not in ("emission", "instance", "material"):  # a stage without lights, instances and materials
+        assert (values[16, 24, :3] != values[0, 0, :3]).any()
+
+
+def test_the_camera_of_another_stage_needs_a_picture(scene: ViewedScene) -> None:
+    scene.open()
+    with pytest.raises(SettingsError):
+        scene.camera_text()

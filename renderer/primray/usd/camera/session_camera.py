@@ -97,3 +97,14 @@ def _zoom(prim: Usd.Prim, like: Camera, zoom: float) -> None:
             prim.SetCustomDataByKey(name, float(earliest_value(of.GetAttribute(name))))
         prim.GetAttribute(name).Set(prim.GetCustomDataByKey(name) * zoom)
     prim.SetCustomDataByKey("zoomed", True)
+
+
+def camera_layer(stage: Usd.Stage, sublayer: str | None = None) -> str:
+    """Return the session camera as the text of a layer, to be laid over the stage; `sublayer`: a weaker one beside it."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    Sdf.CopySpec(stage.GetSessionLayer(), PATH, layer, PATH)
+    layer.GetPrimAtPath(PATH).ClearInfo("customData")
+    if sublayer is not None:
+        layer.subLayerPaths.append(sublayer)
+    text: str = layer.ExportToString()
+    return text

@@ -42,3 +42,20 @@ def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bou
 def is_deep(prims: Iterable[Usd.Prim]) -> bool:
     """Return whether prims are too deep for UsdGeomBBoxCache."""
     return any(prim.GetPath().pathElementCount > DEEPEST for prim in prims)
+
+
+def world_box(stage: Usd.Stage, path: str, time_code: float | None) -> tuple[Doubles, Doubles] | None:
+    """Return the low and high corner (3,) of a prim in the world, as USD computes its bounds; None where it has none.
+
+    The earliest time stands for no time code.
+    """
+    prim = stage.GetPrimAtPath(path)
+    if not prim or is_deep(all_prims(stage)):
+        return None
+    time = EARLIEST if time_code is None else Usd.TimeCode(time_code)
+    try:
+        box = UsdGeom.BBoxCache(time, ["default", "render", "proxy"]).ComputeWorldBound(prim).ComputeAlignedRange()
+    except Tf.ErrorException:
+        return None
+    low, high = np.array(box.GetMin()), np.array(box.GetMax())
+    return None if box.IsEmpty() or not np.isfinite([low, high]).all() else (low, high)

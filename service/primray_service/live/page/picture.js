@@ -1,20 +1,16 @@
-// The picture, and the mouse and keys that move the camera: drags are sent as fractions of the picture's height.
+// The picture: pictures come as bytes, are drawn one after the other, the newest first of those that wait.
 
 import { element, say } from "../page/base/dom.js";
-import { move, send } from "./server.js";
+import { seen } from "./server.js";
 
-const KEY_STEP = 0.05;
-const WHEEL_STEP = 0.0015; // for a pixel of a wheel
-const KINDS = { 0: "tumble", 1: "pan", 2: "dolly" }; // by button
+const LABEL =
+  "The picture. Arrow keys turn it, with Shift they move it; + and - bring it nearer and farther; W, A, S, D, Q and E fly.";
 
-export function picture() {
+// `onStep` is called with the seconds from an action to the picture that shows it.
+export function picture(onStep) {
   const canvas = element("canvas", { width: 1, height: 1 });
-  const root = element(
-    "div",
-    { class: "stage looked-at", tabindex: 0, role: "img", "aria-label": "The picture. Arrow keys turn it, with Shift they move it; + and - bring it nearer and farther.", data: { pictures: 0 } },
-    canvas,
-  );
-  const context = canvas.getContext("2d", { willReadFrequently: true }); // pictures come as bytes, so the GPU is not used
+  const root = element("div", { class: "stage looked-at", tabindex: 0, role: "img", "aria-label": LABEL, data: { pictures: 0 } }, canvas);
+  const context = canvas.getContext("2d", { willReadFrequently: true }); // the GPU is not used
   let fetching = false;
   let newest = 0;
 
@@ -40,56 +36,18 @@ export function picture() {
     root.style.setProperty("--aspect", `${width} / ${height}`);
     if (root.dataset.pictures === "0") say("The first picture is there.");
     root.dataset.pictures = number;
+    const step = seen(answer.headers.get("x-token"));
+    if (step !== null) onStep(step);
   }
 
-  let drag = null;
-
-  root.addEventListener("pointerdown", (event) => {
-    const kind = event.shiftKey && event.button === 0 ? "pan" : KINDS[event.button];
-    if (!kind) return;
-    event.preventDefault();
-    root.focus({ preventScroll: true });
-    root.setPointerCapture(event.pointerId);
-    drag = { kind, x: event.clientX, y: event.clientY };
-  });
-  root.addEventListener("pointermove", (event) => {
-    if (!drag) return;
-    const height = root.clientHeight || 1;
-    const across = (event.clientX - drag.x) / height;
-    const down = (event.clientY - drag.y) / height;
-    Object.assign(drag, { x: event.clientX, y: event.clientY });
-    if (across === 0 && down === 0) return;
-    if (drag.kind === "dolly") move("dolly", { steps: 2 * (across - down) });
-    else move(drag.kind, { across, down });
-  });
-  for (const name of ["pointerup", "pointercancel"]) root.addEventListener(name, () => (drag = null));
-  root.addEventListener("contextmenu", (event) => event.preventDefault());
-  root.addEventListener("wheel", onWheel, { passive: false });
-  root.addEventListener("keydown", onKey);
-
-  function onWheel(event) {
-    event.preventDefault();
-    const pixels = event.deltaY * (event.deltaMode === 1 ? 16 : 1);
-    move("dolly", { steps: -Math.max(-500, Math.min(500, pixels)) * WHEEL_STEP });
+  // Where an event is in the picture, from its upper left corner, in 0 to 1; null beside it.
+  function pointOf(event) {
+    const box = canvas.getBoundingClientRect();
+    const scale = Math.min(box.width / canvas.width, box.height / canvas.height);
+    const x = 0.5 + (event.clientX - box.x - box.width / 2) / (scale * canvas.width);
+    const y = 0.5 + (event.clientY - box.y - box.height / 2) / (scale * canvas.height);
+    return x >= 0 && x <= 1 && y >= 0 && y <= 1 ? { x, y } : null;
   }
 
-  function onKey(event) {
-    const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
-    const nearer = { "+": 1, "=": 1, "-": -1 }[event.key];
-    if (event.ctrlKey || event.metaKey || event.altKey || !(arrows || nearer)) return;
-    event.preventDefault();
-    if (nearer) return move("dolly", { steps: 2 * nearer * KEY_STEP });
-    return move(event.shiftKey ? "pan" : "tumble", { across: arrows[0] * KEY_STEP, down: arrows[1] * KEY_STEP });
-  }
-
-  return { root, show };
-}
-
-// These keys work wherever the focus is, except in controls for text and choices.
-export function watchKeys() {
-  document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest?.("input, select, textarea")) return;
-    if (event.key === "f") send({ do: "frame" });
-    if (event.key === "r") send({ do: "reset" });
-  });
+  return { root, show, pointOf };
 }

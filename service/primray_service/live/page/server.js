@@ -1,10 +1,14 @@
-// Sends commands to the server, in order, one after the other; moves of the mouse that wait are added up meanwhile.
+// Sends commands to the server, in order, one after the other; moves that wait are added up meanwhile. Each command has a token,
+// which comes back with the first picture that shows it: the time from the hand to the eye is measured by that.
 
 export async function stage() {
   return (await fetch("stage")).json();
 }
 
+const page = Math.random().toString(36).slice(2, 8); // another page of the same viewer has tokens of its own
 const waiting = [];
+const begun = new Map(); // when the first event of each command happened, by its number
+let last = 0;
 let sending = false;
 let onProblem = () => {};
 
@@ -13,17 +17,35 @@ export function onRefused(refused) {
   onProblem = refused;
 }
 
+export function refuse(problem) {
+  onProblem(problem);
+}
+
 export function send(command) {
-  waiting.push(command);
+  last += 1;
+  begun.set(last, performance.now());
+  waiting.push({ ...command, token: `${page}-${last}` });
   void sendWaiting();
 }
 
 // Sends a command, added to one of the same kind that has not been sent yet.
 export function move(kind, amounts) {
-  const last = waiting.at(-1);
-  if (last?.do !== kind) return send({ do: kind, ...amounts });
-  for (const [name, amount] of Object.entries(amounts)) last[name] += amount;
+  const latest = waiting.at(-1);
+  if (latest?.do !== kind) return send({ do: kind, ...amounts });
+  for (const [name, amount] of Object.entries(amounts)) latest[name] += amount;
   return undefined;
+}
+
+// Notes that the picture with a token is on the screen; the seconds since the first event that it shows, or null.
+export function seen(token) {
+  const [whose, number] = (token ?? "").split("-");
+  if (whose !== page) return null;
+  const times = [...begun.keys()].filter((key) => key <= Number(number));
+  if (times.length === 0) return null;
+  const start = begun.get(times[0]);
+  for (const key of times) begun.delete(key);
+  performance.measure("step", { start, end: performance.now() });
+  return (performance.now() - start) / 1000;
 }
 
 async function sendWaiting() {

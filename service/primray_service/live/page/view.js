@@ -3,25 +3,26 @@
 
 import { diagnostics } from "../page/base/diagnostics.js";
 import { element, fill, write } from "../page/base/dom.js";
-import { panel } from "./panel.js";
-import { picture, watchKeys } from "./picture.js";
+import { cameraPanel } from "./camera_panel.js";
+import { lightPanel } from "./light_panel.js";
+import { lookPanel } from "./look_panel.js";
+import { navigate, watchKeys } from "./navigate.js";
+import { picture } from "./picture.js";
 import { onRefused, stage } from "./server.js";
+import { status } from "./status.js";
+import { takeAway } from "./take_away.js";
 
-const PHASES = { opening: "Opening", drafting: "Drafting", rendering: "Refining", finished: "Finished", failed: "Failed" };
-
-const looked = picture();
-const chosen = panel();
+const line = status();
+const looked = picture(line.step);
+const panels = [cameraPanel(), lookPanel(), lightPanel()];
 const found = diagnostics();
 const problem = element("div", { id: "problem" });
 const refused = element("div", { id: "refused" });
-const phase = element("span", { class: "phase" });
-const numbers = element("span", {});
-const error = element("span", {});
-const line = element("p", { class: "numbers-line", id: "numbers" }, phase, numbers, error);
 const hint = element(
   "p",
   { class: "note" },
-  "Drag to turn, with Shift or the middle button to move, with the right button or the wheel to come nearer. Files are watched.",
+  "Drag to turn about what is under the mouse, with Shift or the middle button to move, with Alt to look around, with the right " +
+    "button or the wheel to come nearer. W, A, S, D, Q and E fly. Click to name what is there. Files are watched.",
 );
 
 fill(
@@ -29,29 +30,25 @@ fill(
   element(
     "div",
     { class: "job" },
-    element("div", { class: "left" }, problem, refused, element("section", { class: "viewer", "aria-label": "Picture" }, looked.root, line, hint)),
-    element("div", { class: "right" }, chosen.root, found.root),
+    element("div", { class: "left" }, problem, refused, element("section", { class: "viewer", "aria-label": "Picture" }, looked.root, line.root, hint)),
+    element("div", { class: "right" }, panels.map((panel) => panel.root), takeAway().root, found.root),
   ),
 );
+navigate(looked);
 watchKeys();
 onRefused((answer) => fill(refused, box(answer.title, answer.detail, "")));
 
 function show(state) {
   document.body.dataset.phase = state.phase;
-  write(phase, PHASES[state.phase] ?? state.phase);
+  line.show(state);
   if (state.picture > 0) {
-    const [width, height] = state.size;
-    write(numbers, `${width} × ${height}, ${Number(state.samples.toFixed(1))} samples a pixel, ${state.seconds} s`);
-    write(error, state.relmse ? `error (relMSE) ${brief(state.relmse[0])}, 95 %: ${brief(state.relmse[1])} to ${brief(state.relmse[2])}` : "error not known yet");
     document.body.dataset.samples = state.samples;
     void looked.show(state.picture);
     found.show(state.diagnostics.map((row) => ({ ...row, prim: row.prim_path, detail: row.message })));
   }
-  chosen.show(state);
+  for (const panel of panels) panel.show(state);
   showProblem(state.problem);
 }
-
-const brief = (number) => (Number.isFinite(number) ? number.toPrecision(2) : "?");
 
 let shownText = "";
 

@@ -10,7 +10,7 @@ import pytest
 from tests.unit.conftest import make_camera
 
 from primray.camera import Camera, Projection
-from primray.live.viewed_scene import Orbit, orbit_of
+from primray.live.orbit import Orbit, orbit_of
 
 BOX = (np.array([-1.0, -2.0, -3.0]), np.array([3.0, 4.0, 5.0]))
 MIDDLE = np.array([1.0, 1.0, 1.0])
@@ -113,3 +113,43 @@ def test_a_camera_that_looks_away_or_at_nothing() -> None:
     assert orbit_of(away, BOX, False).distance > 0
     nothing = orbit_of(replace(away, focus_distance=7.0), None, False)
     assert nothing.distance == 7
+
+
+@pytest.mark.parametrize("z_up", [False, True])
+def test_another_target_moves_nothing_and_is_what_it_turns_about(z_up: bool) -> None:
+    """The point under the mouse stays where it is on the picture while the camera goes around it."""
+    camera = looking(np.array([9.0, 7.0, 8.0]), MIDDLE, z_up)
+    point = MIDDLE + [1.5, -0.5, 0.8]
+    orbit = orbit_of(camera, BOX, z_up).about(point)
+    assert np.array_equal(orbit.world_from_camera, orbit_of(camera, BOX, z_up).world_from_camera)
+    before = np.linalg.norm(eye_of(orbit) - point)
+    for across, down in ((0.2, 0.0), (0.0, 0.05), (-0.4, -0.1)):
+        turned = orbit.tumbled(across, down)
+        assert np.linalg.norm(eye_of(turned) - point) == pytest.approx(before)
+        assert np.allclose(turned.rotation.T @ (point - turned.eye), orbit.rotation.T @ (point - orbit.eye))  # on the picture
+        assert turned.rotation[:, 0] @ UPS[z_up] == pytest.approx(0, abs=1e-12)
+    nearer = orbit.dollied(0.5, camera)
+    seen = [replace(camera, world_from_camera=o.world_from_camera).project(point, (200, 100))[0] for o in (orbit, nearer)]
+    assert np.allclose(seen[0], seen[1])  # towards the point, not towards the middle of the picture
+
+
+def test_a_target_behind_the_camera_is_none() -> None:
+    orbit = orbit_of(looking(np.array([1.0, 1.0, 11.0]), MIDDLE, False), BOX, False)
+    assert orbit.about(np.array([1.0, 1.0, 12.0])) is orbit
+
+
+def test_looking_around_leaves_the_eye() -> None:
+    orbit = orbit_of(looking(np.array([1.0, 1.0, 11.0]), MIDDLE, False), BOX, False)
+    turned = orbit.looking(0.1, 0.05)
+    assert np.array_equal(turned.eye, orbit.eye)
+    assert turned.distance == pytest.approx(orbit.distance)
+    seen = turned.rotation.T @ (MIDDLE - turned.eye)
+    assert seen[0] > 0.1  # what was in the middle is to the right, as the mouse is
+    assert seen[1] < -0.1
+
+
+def test_flying() -> None:
+    orbit = orbit_of(looking(np.array([1.0, 1.0, 11.0]), MIDDLE, False), BOX, False)
+    assert np.allclose(orbit.flown(0.1, 0, 0).eye, [1, 1, 10])
+    assert np.allclose(orbit.flown(0, 0.1, 0.2).eye, [2, 3, 11])
+    assert orbit.flown(5, 0, 0).distance == pytest.approx(10)  # as far ahead as before, even behind everything

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from primray.live.viewer import FileWatch
+from primray.live.file_watch import FileWatch
 
 
 @pytest.fixture

@@ -1,0 +1,101 @@
+// The camera: which one, at which time, what is selected; and the stage's variants.
+
+import { button, choice, element, field, fill, say, write } from "../page/base/dom.js";
+import { keepFocus } from "./focus.js";
+import { send } from "./server.js";
+
+const FEW = 4; // variants that are shown unfolded
+
+export function cameraPanel() {
+  const camera = element("div", {});
+  const time = timeSlider();
+  const selected = element("p", { class: "selected", id: "selected" });
+  const variants = element("div", { class: "controls" });
+  const many = element("summary", {});
+  const folded = element("details", { hidden: true }, many, variants);
+  const frame = button(["Frame ", element("span", {}, "all"), " ", element("kbd", {}, "f")], () => send({ do: "frame" }));
+  const root = element(
+    "section",
+    { class: "card controls", "aria-label": "What is looked at" },
+    camera,
+    time.root,
+    selected,
+    element("div", { class: "actions" }, frame, button(["Reset ", element("kbd", {}, "r")], () => send({ do: "reset" }))),
+    folded,
+  );
+  let drawn = "";
+  let known = false;
+  let named = null;
+
+  function show(state) {
+    time.show(state);
+    showSelected(state.selected);
+    const text = JSON.stringify([state.cameras, state.camera, state.moved, state.variants]);
+    if (text === drawn) return;
+    drawn = text;
+    keepFocus(root, () => {
+      fill(camera, cameraField(state));
+      fill(variants, (state.variants ?? []).map(variantField));
+    });
+    const count = state.variants?.length ?? 0;
+    folded.hidden = count === 0;
+    write(many, count === 1 ? "Variant" : `${count} variants`);
+    if (!known) folded.open = count <= FEW;
+    known = known || count > 0;
+  }
+
+  function showSelected(found) {
+    const text = JSON.stringify(found ?? null);
+    if (text === named) return;
+    const isFirst = named === null;
+    named = text;
+    write(frame.querySelector("span"), found ? "selected" : "all");
+    if (found) {
+      const where = `${found.distance.toPrecision(4)} away${found.instance ? `, in ${found.instance}` : ""}`;
+      fill(selected, element("code", {}, found.prim), " ", element("span", { class: "note" }, where));
+      say(`Selected ${found.prim}`);
+    } else {
+      fill(selected, element("span", { class: "note" }, "Nothing is selected: click something to name it."));
+      if (!isFirst) say("Nothing is selected");
+    }
+  }
+
+  return { root, show };
+}
+
+function timeSlider() {
+  const shown = element("output", {});
+  const slider = element("input", { type: "range", step: 1 });
+  const root = element("div", { class: "field exposure", hidden: true }, field("Frame", slider), shown);
+  slider.addEventListener("input", () => {
+    write(shown, slider.value);
+    send({ do: "set", time_code: Number(slider.value) });
+  });
+
+  function show({ times, set }) {
+    root.hidden = !times;
+    if (!times || document.activeElement === slider) return;
+    [slider.min, slider.max] = times;
+    const now = set.time_code;
+    slider.value = now ?? times[0];
+    write(shown, now ?? "none");
+  }
+
+  return { root, show };
+}
+
+function cameraField(state) {
+  const own = state.cameras?.includes(state.camera) ? [] : [["", "made for the stage"]];
+  const options = [...own, ...(state.cameras ?? []).map((path) => [path, path])];
+  const select = choice(options, state.camera ?? "", { "data-key": "camera" });
+  select.addEventListener("change", () => send({ do: "camera", path: select.value || null }));
+  return field("Camera", select, state.moved ? "moved; its lens is used" : undefined);
+}
+
+function variantField(variant) {
+  const names = variant.names.map((name) => [name, name]);
+  const options = variant.selection ? names : [["", "none"], ...names];
+  const select = choice(options, variant.selection, { "data-key": `${variant.prim} ${variant.set}` });
+  select.addEventListener("change", () => send({ do: "variant", prim: variant.prim, set: variant.set, name: select.value }));
+  return field(`${variant.set} of ${variant.prim}`, select);
+}
