@@ -10,6 +10,7 @@ and triangles for where the camera was when it was prepared, so that no move mak
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 from collections.abc import Callable, Collection
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from ..report.prepared import Prepared
     from ..sampling.sampling import Sampling
 
+ASIDE = 10  # more of Linux's niceness, for threads that prepare what nobody waits for
 SKETCH_RATE = 16.0  # pixels of an edge of the sketch's surfaces
 # The camera's `nearest` stays while what it goes around is at this many times its distance, so that points stay where they are.
 CLOSEST, FARTHEST = 0.5, 16.0
@@ -287,8 +289,12 @@ class ViewedScene:
         steps, view, orbit = self._spare or self._new_steps(kept), self._view, self.orbit
         self._spare, self._is_abandoned = None, False
 
+        is_awaited = self.is_sketch
+
         def prepare() -> None:
             nonlocal view
+            if not is_awaited:  # whoever moves the camera meanwhile comes first
+                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), os.getpriority(os.PRIO_PROCESS, 0) + ASIDE)
             try:
                 prepared = kept.prepare(settings, Costs(), Diagnostics(), steps=steps)
             except _AbandonedError:

@@ -5,6 +5,7 @@ export async function stage() {
   return (await fetch("stage")).json();
 }
 
+const PICTURELESS = ["pivot", "select", "deselect", "exposure", "display"]; // no new picture is rendered for these
 const page = Math.random().toString(36).slice(2, 8); // another page of the same viewer has tokens of its own
 const waiting = [];
 const begun = new Map(); // when the first event of each command happened, by its number
@@ -23,7 +24,7 @@ export function refuse(problem) {
 
 export function send(command) {
   last += 1;
-  begun.set(last, performance.now());
+  if (!PICTURELESS.includes(command.do)) begun.set(last, performance.now());
   waiting.push({ ...command, token: `${page}-${last}` });
   void sendWaiting();
 }
