@@ -25,6 +25,7 @@ from tests.described import (
     translation,
 )
 
+from primray import core
 from primray.description import Doubles, HomogeneousVolume, Light, LightType, Mesh, OpenPbr, Shape, Sphere, Surface
 
 DEPTH = 10
@@ -193,3 +194,36 @@ def test_a_pass_in_two_parts_has_the_same_bits() -> None:
     part = render(scene, 32, max_depth=DEPTH, splits=4, caustics=guide)
     rest = render(scene, 70, max_depth=DEPTH, splits=4, caustics=guide, film=part.film)
     assert np.array_equal(rest.replicates, whole.replicates)
+
+
+def coloured_balls() -> Described:
+    """Balls of coloured glass under a lamp, which each of them mirrors as a speck that hardly any ray of the floor meets."""
+
+    def ball(at: tuple[float, float, float], radius: float, surface: int) -> tuple[Shape, Doubles]:
+        return Sphere(f"/ball{at}", radius, surface), translation(*at)
+
+    shapes: list[tuple[Shape, Doubles]] = [
+        (ground(3.0), np.eye(4)),
+        (ground(3.0), translation(0, 2, -1.5) @ rotation((1, 0, 0), 90)),
+        *(ball((0.75 * k - 0.75, 0.3, 0), 0.3, k + 1) for k in range(3)),
+        ball((0.3, 0.25, 0.6), 0.25, 4),
+        ball((0.3, 0.25, 0.6), 0.15, 1),
+    ]
+    colors = ((0.7, 5e-4, 5e-5), (1e-17, 1e-13, 6e-3), (3e-9, 2e-8, 3e-9), (1.0, 1.0, 1.0))
+    surfaces = [lambert(0.74), *(body(ior, color) for ior, color in zip((1.5, 1.6, 1.5, 1.45), colors, strict=True))]
+    lamp = light(LightType.SPHERE, translation(-0.6, 2.4, 1.2), 4000.0, radius=0.05)
+    return describe(shapes, surfaces, [lamp], perspective(look_at([0, 1.6, 3.0], [0, 0.2, 0]), 0.6), (48, 27))
+
+
+def test_light_that_hardly_any_picture_shows_is_no_reason_for_photons() -> None:
+    """The variance of all that photons guide would be 50 times as large without them; pictures have less noise then."""
+    scene = coloured_balls().build()
+    guide = kernels().find_caustics(scene, 8, 1)
+    assert guide is not None
+    noise = []
+    for caustics in (guide, None):
+        pictures = [render(scene, 64, max_depth=8, seed=s, splits=2, caustics=caustics) for s in range(6)]
+        halves = np.concatenate([replicate_means(picture) for picture in pictures])
+        noise.append(np.median(halves.var(axis=0, ddof=1) / (halves.mean(axis=0) ** 2 + 0.01)))
+    assert noise[1] < 0.8 * noise[0]
+    assert core.module().learn_caustics(scene, 8, 1, core.lanes()) is None
