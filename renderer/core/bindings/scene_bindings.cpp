@@ -1,6 +1,7 @@
 // Python bindings of SceneBuilder and Scene: arrays as in primray/description/.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -8,6 +9,7 @@
 
 #include "bindings/inputs.hpp"
 #include "build/builder.hpp"
+#include "texture/tile_file.hpp"
 
 namespace primray {
 namespace {
@@ -24,6 +26,30 @@ void set_texture_image(SceneBuilder& b, int texture, int tile, InArray<float> pi
   b.set_texture_image(texture, tile, image);
 }
 
+nb::typed<nb::dict, nb::str, int64_t> counts_of(const TileMemory& memory) {
+  const TileMemory::Counts c = memory.counts();
+  nb::typed<nb::dict, nb::str, int64_t> r;
+  r["images"] = c.images, r["tiles_read"] = c.reads, r["bytes_read"] = c.read_bytes, r["read_nanoseconds"] = c.read_nanoseconds;
+  r["tiles_evicted"] = c.evictions, r["resident_bytes"] = c.resident_bytes, r["peak_bytes"] = c.peak_bytes;
+  return r;
+}
+
+void bind_tiles(nb::module_& m) {
+  nb::class_<TileMemory>(m, "TileMemory")
+      .def(nb::init<int64_t>(), nb::arg("budget_bytes"))
+      .def_prop_ro("budget_bytes", &TileMemory::budget_bytes)
+      .def_prop_ro("counts", &counts_of)
+      .def("take_fault", &TileMemory::take_fault);
+  m.def(
+      "write_tile_file",
+      [](int file, const std::string& key, InArray<float> pixels, int first_level) {
+        const nb::gil_scoped_release unlocked;
+        write_tile_file(file, key, span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0)), int(pixels.shape(2)),
+                        first_level);
+      },
+      nb::arg("file"), nb::arg("key"), nb::arg("pixels"), nb::arg("first_level"));
+}
+
 // Returns size, kept levels, bytes per channel and bytes of every image, in order.
 nb::typed<nb::list, nb::typed<nb::dict, nb::str, int64_t>> texture_images(const Scene& scene) {
   nb::typed<nb::list, nb::typed<nb::dict, nb::str, int64_t>> r;
@@ -34,6 +60,7 @@ nb::typed<nb::list, nb::typed<nb::dict, nb::str, int64_t>> texture_images(const 
       d["first_level"] = i.first_level, d["last_level"] = i.last_level;
       d["channel_bytes"] = i.format == TexelFormat::kFloat ? 4 : 2;
       d["bytes"] = i.memory_bytes();
+      d["by_tile"] = i.tiles ? 1 : 0;
       r.append(d);
     }
   }
@@ -63,6 +90,7 @@ void bind_scene(nb::module_& m) {
       .def_prop_rw("top", nullptr, [](FogInput& f, Numbers<double> v) { f.top = dvec3_of(v); })
       .def_prop_rw("up", nullptr, [](FogInput& f, Numbers<double> v) { f.up = dvec3_of(v); });
   def_vec3(fog, "albedo", &FogInput::albedo), def_vec3(fog, "emission", &FogInput::emission);
+  bind_tiles(m);
   nb::class_<Scene>(m, "Scene")
       .def_prop_ro("memory_bytes", &Scene::memory_bytes)
       .def_prop_ro("has_instances", [](const Scene& s) { return bool(s.has_instances); })
@@ -121,6 +149,15 @@ void bind_scene(nb::module_& m) {
       .def("add_tape", [](SceneBuilder& b, Tape tape) { return b.add_tape(std::move(tape)); })
       .def("add_texture", &SceneBuilder::add_texture)
       .def("set_texture_image", &set_texture_image)
+      .def("finest_texture_level", &SceneBuilder::finest_texture_level)
+      .def(
+          "set_texture_tiles",
+          [](SceneBuilder& b, int texture, int tile, const std::string& path, const std::string& key,
+             std::shared_ptr<TileMemory> memory) {
+            const nb::gil_scoped_release unlocked;
+            b.set_texture_tiles(texture, tile, path, key, std::move(memory));
+          },
+          nb::arg("texture"), nb::arg("tile"), nb::arg("path"), nb::arg("key"), nb::arg("memory").none())
       .def("add_placement_primvar", [](SceneBuilder& b, int name, int width,
                                        InArray<float> values) { b.add_placement_primvar(name, width, span_of(values)); })
       .def("begin_prototype",

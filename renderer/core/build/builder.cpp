@@ -416,6 +416,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   }
   // Camera rays pass through hidden surfaces as if these were transmissive.
   s.shadows_need_hits |= s.camera_visibility.any();
+  share_tile_memory();
   set_input_features(s);
   const size_t surfaces = s.surfaces.rows.size() / kSurfaceFields;
   for (size_t i = 0; i < surfaces; ++i) {

@@ -6,11 +6,13 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 
 #include "build/inputs/scene_inputs.hpp"
 #include "build/lights/lights.hpp"
 #include "math/matrix.hpp"
 #include "scene/scene.hpp"
+#include "texture/tiles.hpp"
 
 namespace primray {
 
@@ -144,6 +146,12 @@ class SceneBuilder {
   // Sets an image after all shapes, placements and the camera, which determine the levels that are kept. `tile`: 0, or 1001 to
   // 1100.
   void set_texture_image(int texture, int tile, const ImageInput& image);
+  // The finest level that rays can ask for of an image of that size; after all shapes, placements and the camera.
+  int finest_texture_level(int texture, int width, int height);
+  // Sets an image from a file of tiles (texture/tile_file.hpp), read by tile within the budget of `memory`, or held whole
+  // without.
+  void set_texture_tiles(int texture, int tile, const std::string& path, const std::string& key,
+                         std::shared_ptr<TileMemory> memory);
   // Used in place of set_texture_image(): moves the images of an earlier scene's texture, which was made of the same files, if
   // their levels suffice. Finer ones than rays ask for change nothing.
   bool take_texture_images(int texture, Texture& earlier);
@@ -169,6 +177,9 @@ class SceneBuilder {
   void add_mesh_steps(const MeshInput& mesh, const daffine& group_from_object);
   // Appends the later times of the current group's moving vertices, after all of its vertices.
   void end_group();
+  void add_texture_image(Texture& texture, int tile, TextureImage image);
+  // Tells the memory for tiles how much of its budget the images take that are held whole.
+  void share_tile_memory();
   // Measures footprints on textures, once.
   void measure_levels();
   void set_camera_path(const CameraInput& camera);

@@ -6,6 +6,7 @@
 #include "base/error.hpp"
 #include "build/inputs/input_facts.hpp"
 #include "texture/mip_pyramid.hpp"
+#include "texture/tile_file.hpp"
 
 namespace primray {
 
@@ -107,15 +108,45 @@ int SceneBuilder::add_texture(int channels, bool udim, bool finest_only) {
 }
 
 void SceneBuilder::set_texture_image(int texture, int tile, const ImageInput& image) {
+  const int finest = finest_texture_level(texture, image.width, image.height);
+  Texture& t = scene_->textures[size_t(texture)];
+  add_texture_image(t, tile, make_image(image.pixels, image.width, image.height, t.channels, finest, t.finest_only));
+}
+
+int SceneBuilder::finest_texture_level(int texture, int width, int height) {
   measure_levels();
-  Texture& t = scene_->textures.at(texture);
+  return finest_level(scene_->textures.at(size_t(texture)), width, height);
+}
+
+void SceneBuilder::set_texture_tiles(int texture, int tile, const std::string& path, const std::string& key,
+                                     std::shared_ptr<TileMemory> memory) {
+  measure_levels();
+  Texture& t = scene_->textures.at(size_t(texture));
+  const TextureImage header = tile_file_header(path, key);
+  if (header.channels != t.channels) throw Error("texture-cache", "it has other channels than are read");
+  add_texture_image(t, tile,
+                    open_tile_file(path, key, std::move(memory), finest_level(t, header.width, header.height), t.finest_only));
+}
+
+void SceneBuilder::add_texture_image(Texture& t, int tile, TextureImage image) {
   if (t.udim) {
     const int number = tile - kFirstTile;
     if (number < 0 || number >= int(t.tiles.size())) throw Error("internal", "the texture has no such UDIM tile");
-    t.tiles[number] = int32_t(t.images.size());
+    t.tiles[size_t(number)] = int32_t(t.images.size());
   }
-  t.images.push_back(make_image(image.pixels, image.width, image.height, t.channels, finest_level(t, image.width, image.height),
-                                t.finest_only));
+  t.images.push_back(std::move(image));
+}
+
+void SceneBuilder::share_tile_memory() {
+  int64_t whole = 0;
+  TileMemory* memory = nullptr;
+  for (const Texture& t : scene_->textures) {
+    for (const TextureImage& image : t.images) {
+      whole += image.memory_bytes();
+      if (image.tiles) memory = &image.tiles->memory();
+    }
+  }
+  if (memory) memory->hold(whole);
 }
 
 bool SceneBuilder::take_texture_images(int texture, Texture& earlier) {

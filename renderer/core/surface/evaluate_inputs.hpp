@@ -11,6 +11,7 @@
 #include "bsdf/surface_inputs.hpp"
 #include "surface/run_pattern.hpp"
 #include "surface/surface_point.hpp"
+#include "texture/tiled_lookup.hpp"
 
 namespace primray {
 
@@ -170,11 +171,22 @@ struct StLanes {
   PRIMRAY_INLINE vfloat<W> area2() const { return s1 * t2 - s2 * t1; }
 };
 
-// Reads `channels` of one image of a texture; `footprint`: area in (s, t) to average over.
+// Reads an image by tile, in the lanes `active`.
 template <int W>
-PRIMRAY_INLINE vvec3<W> read_image(const TextureImage& image, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
-                                   vfloat<W> footprint) {
+PRIMRAY_RARE vvec3<W> read_tiles(const TextureImage& image, vbool<W> active, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
+                                 vfloat<W> level) {
+  if (image.channels == 1) return vvec3<W>(lookup_tiled<1>(image, active, wrap_s, wrap_t, s, t, level).c[0]);
+  const Texels<3, W> r = lookup_tiled<3>(image, active, wrap_s, wrap_t, s, t, level);
+  return {r.c[0], r.c[1], r.c[2]};
+}
+
+// Reads one image of a texture, at least in the lanes `active`; `footprint`: area in (s, t) to average over.
+template <int W>
+PRIMRAY_INLINE vvec3<W> read_image(const TextureImage& image, vbool<W> active, Wrap wrap_s, Wrap wrap_t, vfloat<W> s,
+                                   vfloat<W> t, vfloat<W> footprint) {
   const vfloat<W> level = 0.5f * coarse_log2(footprint * (float(image.width) * float(image.height)));
+  if (image.tiles) [[unlikely]]
+    return read_tiles(image, active, wrap_s, wrap_t, s, t, level);
   if (image.channels == 1) return vvec3<W>(lookup<1>(image, wrap_s, wrap_t, s, t, level).c[0]);
   const Texels<3, W> r = lookup<3>(image, wrap_s, wrap_t, s, t, level);
   return {r.c[0], r.c[1], r.c[2]};
@@ -210,10 +222,10 @@ PRIMRAY_INLINE vvec3<W> read_texture(const Scene& scene, vbool<W> active, const 
   const F s = st.s * m[0] + st.t * m[1] + m[2], t = st.s * m[3] + st.t * m[4] + m[5];
   footprint = footprint * __builtin_fabsf(m[0] * m[4] - m[1] * m[3]);
   const vvec3<W> scale = broadcast<W>(source.scale), bias = broadcast<W>(source.bias);
-  if (!texture.udim) return read_image(texture.images[0], source.wrap_s, source.wrap_t, s, t, footprint) * scale + bias;
+  if (!texture.udim) return read_image(texture.images[0], active, source.wrap_s, source.wrap_t, s, t, footprint) * scale + bias;
   vvec3<W> r = broadcast<W>(source.missing);
   for_tiles(texture, active, s, t, [&](vbool<W> same, const TextureImage& image, F in_s, F in_t) {
-    const vvec3<W> c = read_image(image, Wrap::kClamp, Wrap::kClamp, in_s, in_t, footprint);
+    const vvec3<W> c = read_image(image, same, Wrap::kClamp, Wrap::kClamp, in_s, in_t, footprint);
     r = select(same, c * scale + bias, r);
   });
   return r;

@@ -272,19 +272,20 @@ class PatternLeaves {
   }
   V texels(const PatternImage& read, int number, F s, F t, F footprint, const V& missing) const {
     const Texture& texture = scene_.textures[size_t(number)];
-    if (!texture.udim) return texels_of(texture.images[0], read, read.wrap_s, read.wrap_t, s, t, footprint);
+    if (!texture.udim) return texels_of(texture.images[0], place_.active, read, read.wrap_s, read.wrap_t, s, t, footprint);
     V r = missing;
     for_tiles(texture, place_.active, s, t, [&](vbool<W> same, const TextureImage& image, F in_s, F in_t) {
-      r = select(same, texels_of(image, read, Wrap::kClamp, Wrap::kClamp, in_s, in_t, footprint), r);
+      r = select(same, texels_of(image, same, read, Wrap::kClamp, Wrap::kClamp, in_s, in_t, footprint), r);
     });
     return r;
   }
-  static V texels_of(const TextureImage& image, const PatternImage& read, Wrap wrap_s, Wrap wrap_t, F s, F t, F footprint) {
+  static V texels_of(const TextureImage& image, vbool<W> active, const PatternImage& read, Wrap wrap_s, Wrap wrap_t, F s, F t,
+                     F footprint) {
     if (read.closest) {
       const auto centred = [](F x, int size) { return (pattern_floor(x * float(size)) + 0.5f) / float(size); };
       s = centred(s, image.width), t = centred(t, image.height);
     }
-    return read_image(image, wrap_s, wrap_t, s, t, footprint);
+    return read_image(image, active, wrap_s, wrap_t, s, t, footprint);
   }
   static F pattern_floor(F x) { return select(abs(x) < F(0x1p23f), to_float(floor_to_int(x)), x); }
 

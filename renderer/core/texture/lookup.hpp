@@ -37,16 +37,14 @@ PRIMRAY_INLINE vint<W> gather_pairs(const uint16_t* base, vint<W> index) {
   return r;
 }
 
-// Texels whose first channel is at `at`.
+// Texels of a format whose first channel is at `at`, in floats or in pairs of bytes.
 template <int C, int W>
-PRIMRAY_INLINE Texels<C, W> fetch(const TextureImage& image, vint<W> at) {
-  PRIMRAY_ASSERT(are_rows(at + vint<W>(C - 1), image.format == TexelFormat::kFloat ? image.large.size() : image.small.size()));
+PRIMRAY_INLINE Texels<C, W> fetch(TexelFormat format, const float* large, const uint16_t* base, vint<W> at) {
   Texels<C, W> r;
-  if (image.format == TexelFormat::kFloat) {
-    for (int c = 0; c < C; ++c) r.c[c] = gather<W>(image.large.data() + c, at);
+  if (format == TexelFormat::kFloat) {
+    for (int c = 0; c < C; ++c) r.c[c] = gather<W>(large + c, at);
     return r;
   }
-  const uint16_t* base = image.small.data();
   const vint<W> low(0xffff);
   vint<W> code[C];
   if constexpr (C == 3) {
@@ -56,7 +54,7 @@ PRIMRAY_INLINE Texels<C, W> fetch(const TextureImage& image, vint<W> at) {
     const vint<W> pair = gather_pairs<W>(base, at);
     for (int c = 0; c < C; ++c) code[c] = (pair >> (16 * c)) & low;
   }
-  const bool half = image.format == TexelFormat::kHalf;
+  const bool half = format == TexelFormat::kHalf;
   for (int c = 0; c < C; ++c) r.c[c] = half ? float_from_half(code[c]) : to_float(code[c]) / vfloat<W>(65535.0f);
   return r;
 }
@@ -88,38 +86,64 @@ struct AxisTexels {
   }
 };
 
+// Reads texels of an image that is held whole.
 template <int C, int W>
-PRIMRAY_INLINE Texels<C, W> bilinear(const TextureImage& image, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
-                                     vint<W> level) {
+struct WholeTexels {
+  const TextureImage& image;
+
+  PRIMRAY_INLINE Texels<C, W> fetch(vint<W> at) const {
+    PRIMRAY_ASSERT(
+        are_rows(at + vint<W>(C - 1), image.format == TexelFormat::kFloat ? image.large.size() : image.small.size()));
+    return primray::fetch<C>(image.format, image.large.data(), image.small.data(), at);
+  }
+  // Texels (x0, y0), (x1, y0), (x0, y1) and (x1, y1) of the lanes' levels.
+  PRIMRAY_INLINE void quad(vint<W> level, vint<W> width, const AxisTexels<W>& x, const AxisTexels<W>& y,
+                           Texels<C, W> (&r)[4]) const {
+    const vint<W> offset = gather<W>(image.level_offset, level);
+    const auto at = [&](vint<W> row, vint<W> column) { return fetch(offset + (row * width + column) * vint<W>(C)); };
+    r[0] = at(y.i0, x.i0), r[1] = at(y.i0, x.i1), r[2] = at(y.i1, x.i0), r[3] = at(y.i1, x.i1);
+  }
+};
+
+template <int C, int W, class Source>
+PRIMRAY_INLINE Texels<C, W> bilinear(const Source& source, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t, vint<W> level) {
+  const TextureImage& image = source.image;
   const vint<W> width = gather<W>(image.level_width, level), height = gather<W>(image.level_height, level);
-  const vint<W> offset = gather<W>(image.level_offset, level);
   const AxisTexels<W> x(wrap_s, s, width), y(wrap_t, t, height);
-  const auto at = [&](vint<W> row, vint<W> column) { return fetch<C>(image, offset + (row * width + column) * vint<W>(C)); };
-  const Texels<C, W> a = at(y.i0, x.i0), b = at(y.i0, x.i1), c = at(y.i1, x.i0), d = at(y.i1, x.i1);
-  Texels<C, W> r;
+  Texels<C, W> q[4], r;
+  source.quad(level, width, x, y, q);
   for (int k = 0; k < C; ++k) {
-    const vfloat<W> lower = a.c[k] + (b.c[k] - a.c[k]) * x.f, upper = c.c[k] + (d.c[k] - c.c[k]) * x.f;
+    const vfloat<W> lower = q[0].c[k] + (q[1].c[k] - q[0].c[k]) * x.f, upper = q[2].c[k] + (q[3].c[k] - q[2].c[k]) * x.f;
     r.c[k] = lower + (upper - lower) * y.f;
   }
   return r;
 }
 
-// Image at (s, t), averaged over about 2^level of its finest texels in each direction, or at the finest level that is kept.
-template <int C, int W>
-PRIMRAY_INLINE Texels<C, W> lookup(const TextureImage& image, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
-                                   vfloat<W> level) {
+// The image of a source at (s, t), averaged over about 2^level of its finest texels in each direction, or at the finest level
+// that is kept.
+template <int C, int W, class Source>
+PRIMRAY_INLINE Texels<C, W> filtered(const Source& source, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
+                                     vfloat<W> level) {
+  const TextureImage& image = source.image;
   vbool<W> inside(true);
   s = wrap_coordinate(wrap_s, s, inside), t = wrap_coordinate(wrap_t, t, inside);
   level = clamp(level, float(image.first_level), float(image.last_level));
   const vint<W> fine = truncate(level);
   const vfloat<W> between = level - to_float(fine);
-  Texels<C, W> r = bilinear<C>(image, wrap_s, wrap_t, s, t, fine);
+  Texels<C, W> r = bilinear<C>(source, wrap_s, wrap_t, s, t, fine);
   if (any(between > vfloat<W>(0.0f))) {
-    const Texels<C, W> coarse = bilinear<C>(image, wrap_s, wrap_t, s, t, min(fine + vint<W>(1), vint<W>(image.last_level)));
+    const Texels<C, W> coarse = bilinear<C>(source, wrap_s, wrap_t, s, t, min(fine + vint<W>(1), vint<W>(image.last_level)));
     for (int k = 0; k < C; ++k) r.c[k] = select(between > vfloat<W>(0.0f), r.c[k] + (coarse.c[k] - r.c[k]) * between, r.c[k]);
   }
   for (int k = 0; k < C; ++k) r.c[k] = select(inside, r.c[k], 0.0f);
   return r;
+}
+
+// Looks up an image that is held whole.
+template <int C, int W>
+PRIMRAY_INLINE Texels<C, W> lookup(const TextureImage& image, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
+                                   vfloat<W> level) {
+  return filtered<C>(WholeTexels<C, W>{image}, wrap_s, wrap_t, s, t, level);
 }
 
 // log2 of a positive number, the fraction linear between powers of two: at most 0.086 too small, which is invisible in levels.

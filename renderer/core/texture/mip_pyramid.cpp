@@ -32,6 +32,8 @@ uint16_t half_from_float(float f) {
 // Rounded to nearest, ties to even, without a call that would keep loops from being vectorised; |f| <= 1.
 uint16_t unorm_from_float(float f) { return uint16_t(std::bit_cast<uint64_t>(double(f) * kUnormSteps + 0x1.8p52)); }
 
+}  // namespace
+
 void store_halves(std::span<const float> from, uint16_t* to) {
   size_t i = 0;
 #ifdef __F16C__
@@ -46,6 +48,8 @@ void store_halves(std::span<const float> from, uint16_t* to) {
 void store_unorms(std::span<const float> from, uint16_t* to) {
   for (size_t i = 0; i < from.size(); ++i) to[i] = unorm_from_float(from[i]);
 }
+
+namespace {
 
 // Weights of `from` texels in each of `to` texels: the share of its extent that is in each.
 struct Spans {
@@ -110,7 +114,8 @@ std::vector<float> halved(std::span<const float> from, int width, int height, in
   return to;
 }
 
-// Mean, range, and the smallest format that holds the values.
+}  // namespace
+
 void measure(std::span<const float> pixels, TextureImage& image) {
   const int channels = image.channels;
   double sum[3] = {};
@@ -129,6 +134,8 @@ void measure(std::span<const float> pixels, TextureImage& image) {
   for (int c = channels; c < 3; ++c) image.mean[c] = image.mean[0], image.low[c] = image.low[0], image.high[c] = image.high[0];
   image.format = unorm ? TexelFormat::kUnorm16 : half ? TexelFormat::kHalf : TexelFormat::kFloat;
 }
+
+namespace {
 
 // Appends a level, reversing the order of its rows.
 void keep(std::span<const float> level, int number, int width, int height, TextureImage& image) {
@@ -169,6 +176,17 @@ int last_level_of(int width, int height) {
   return level;
 }
 
+void for_levels(std::span<const float> pixels, int width, int height, int channels, int last,
+                const std::function<void(int, std::span<const float>, int, int)>& see) {
+  std::vector<float> coarser;
+  for (int level = 0;; ++level, width = half_of(width), height = half_of(height)) {
+    const std::span<const float> now = level == 0 ? pixels : std::span<const float>(coarser);
+    see(level, now, width, height);
+    if (level == last) break;
+    coarser = halved(now, width, height, channels);
+  }
+}
+
 TextureImage make_image(std::span<const float> pixels, int width, int height, int channels, int first_level, bool one_level) {
   const TimeSpan span("make a texture's levels");
   TextureImage image;
@@ -184,13 +202,9 @@ TextureImage make_image(std::span<const float> pixels, int width, int height, in
   } else {
     image.small.reserve(total + 1);
   }
-  std::vector<float> coarser;
-  for (int level = 0;; ++level, width = half_of(width), height = half_of(height)) {
-    const std::span<const float> now = level == 0 ? pixels : std::span<const float>(coarser);
-    if (level >= image.first_level) keep(now, level, width, height, image);
-    if (level == image.last_level) break;
-    coarser = halved(now, width, height, channels);
-  }
+  for_levels(pixels, width, height, channels, image.last_level, [&](int level, std::span<const float> now, int w, int h) {
+    if (level >= image.first_level) keep(now, level, w, h, image);
+  });
   if (image.format == TexelFormat::kFloat) {
     image.large.push_back(0);
   } else {

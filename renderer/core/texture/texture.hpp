@@ -1,19 +1,22 @@
 // Textures: one image, or a set of UDIM tiles, of which surfaces read one channel or three.
 //
 // This folder: texture.hpp is the data and its formats; mip_pyramid.cpp creates it from pixels; lookup.hpp reads it in lanes.
-// An image has its kept mip levels in one array, a texel's channels side by side, the lowest row first. Two bytes per channel
-// where that loses nothing significant, otherwise four: kUnorm16 where every value is a multiple of 1/65535 (all that 8 and 16
-// bits without a transfer curve can hold: read back exactly), kHalf where values fit its range (11 significant bits), otherwise
-// kFloat.
+// tiles.hpp holds images by tile, of the files of tile_file.hpp, and tiled_lookup.hpp reads those. An image has its kept mip
+// levels in one array, a texel's channels side by side, the lowest row first. Two bytes per channel where that loses nothing
+// significant, otherwise four: kUnorm16 where every value is a multiple of 1/65535 (all that 8 and 16 bits without a transfer
+// curve can hold: read back exactly), kHalf where values fit its range (11 significant bits), otherwise kFloat.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "math/lanes.hpp"
 
 namespace primray {
+
+class TextureTiles;
 
 // Formats of texels.
 enum class TexelFormat : int32_t { kUnorm16, kHalf, kFloat };
@@ -26,14 +29,20 @@ struct TextureImage {
   int first_level = 0, last_level = 0;  // those that are kept
   // By level, for those kept; the offset of its first texel in channels.
   int32_t level_width[kMaxLevels] = {}, level_height[kMaxLevels] = {}, level_offset[kMaxLevels] = {};
-  std::vector<uint16_t> small;  // kUnorm16, kHalf; padded by one, which gathers may read
-  std::vector<float> large;     // kFloat
-  float mean[3] = {}, low[3] = {}, high[3] = {};
+  std::vector<uint16_t> small;                    // kUnorm16, kHalf; padded by one, which gathers may read
+  std::vector<float> large;                       // kFloat
+  float mean[3] = {}, low[3] = {}, high[3] = {};  // of the finest level of all
+  // Set where texels are read by tile: there are none in `small` and `large`, and no offsets of levels.
+  std::shared_ptr<TextureTiles> tiles;
 
+  int channel_bytes() const { return format == TexelFormat::kFloat ? int(sizeof(float)) : int(sizeof(uint16_t)); }
+  // Bytes of texels that are held whole.
   int64_t memory_bytes() const { return int64_t(small.size() * sizeof(uint16_t) + large.size() * sizeof(float)); }
-  // Of the kept levels from this one on.
+  // Bytes of the kept levels from this one on, wherever they are.
   int64_t bytes_from(int level) const {
-    return memory_bytes() - int64_t(level_offset[level]) * int64_t(small.empty() ? sizeof(float) : sizeof(uint16_t));
+    int64_t texels = 0;
+    for (; level <= last_level; ++level) texels += int64_t(level_width[level]) * level_height[level];
+    return (texels * channels + 1) * channel_bytes();
   }
 };
 

@@ -1,6 +1,9 @@
 // Test bindings with array versions of the kernels: N rows in, N rows out, W at a time through their templates. Points,
 // distances and directions are in world space and scene units; local directions of BSDFs are about the shading normal. `lanes`:
 // 1, or 0 for the maximum. `layout`: 0, 1 or 2, see rows_of().
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+
 #include <optional>
 
 #include "accel/build.hpp"
@@ -14,6 +17,7 @@
 #include "surface/interaction.hpp"
 #include "surface/surface_emission.hpp"
 #include "texture/mip_pyramid.hpp"
+#include "texture/tile_file.hpp"
 
 namespace primray {
 namespace {
@@ -314,24 +318,32 @@ nb::dict intersect_rays(const Scene& scene, InArray<double> o_, InFloats d_, int
   return r;
 }
 
-// Returns values of an image of (height, width, 1 or 3) at `st` (N, 2), averaged over 2^level texels; `first_level`: the finest
-// level kept.
-nb::object texture_lookup(InFloats pixels, int wrap_s, int wrap_t, int first_level, InFloats st_, InFloats level_, int lanes) {
-  const int channels = int(pixels.shape(2));
-  const TextureImage image =
-      make_image(span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0)), channels, first_level, false);
+// Returns values of an image at `st` (N, 2), averaged over 2^level texels.
+nb::object looked_up(const TextureImage& image, int wrap_s, int wrap_t, InFloats st_, InFloats level_, int lanes) {
   const size_t n = st_.shape(0);
   const Input<float> st(st_, n, 2), level(level_, n, 1);
-  Column<float> r(n, channels);
-  for_rows(n, lanes, [&]<int W>(size_t at) {
-    const auto read = [&]<int C>(Texels<C, W>) {
-      const Texels<C, W> texels =
-          lookup<C>(image, Wrap(wrap_s), Wrap(wrap_t), st.number<W>(at, 0), st.number<W>(at, 1), level.number<W>(at));
-      for (int c = 0; c < C; ++c) r.put(at, texels.c[c], c);
-    };
-    channels == 3 ? read(Texels<3, W>()) : read(Texels<1, W>());
-  });
+  Column<float> r(n, image.channels);
+  {
+    const nb::gil_scoped_release unlocked;
+    for_rows(n, lanes, [&]<int W>(size_t at) {
+      const auto read = [&]<int C>(Texels<C, W>) {
+        const vfloat<W> s = st.number<W>(at, 0), t = st.number<W>(at, 1), l = level.number<W>(at);
+        const Texels<C, W> texels = image.tiles ? lookup_tiled<C>(image, vbool<W>(true), Wrap(wrap_s), Wrap(wrap_t), s, t, l)
+                                                : lookup<C>(image, Wrap(wrap_s), Wrap(wrap_t), s, t, l);
+        for (int c = 0; c < C; ++c) r.put(at, texels.c[c], c);
+      };
+      image.channels == 3 ? read(Texels<3, W>()) : read(Texels<1, W>());
+    });
+  }
   return r.array();
+}
+
+// Returns values of an image of (height, width, 1 or 3) at `st` (N, 2), averaged over 2^level texels; `first_level`: the finest
+// level kept.
+nb::object texture_lookup(InFloats pixels, int wrap_s, int wrap_t, int first_level, InFloats st, InFloats level, int lanes) {
+  const TextureImage image =
+      make_image(span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0)), int(pixels.shape(2)), first_level, false);
+  return looked_up(image, wrap_s, wrap_t, st, level, lanes);
 }
 
 // Returns emission at barycentrics (N, 2) of triangles, by index over the scene, in instance rows of placements (-1: none).
@@ -376,6 +388,14 @@ void bind_testing(nb::module_& m) {
   m.def("has_few_triangles", [](const Scene& scene) { return scene.few_triangles.any(); });
   m.def("intersect", &intersect_rays, nb::arg("scene"), nb::arg("o"), nb::arg("d"), lanes, nb::arg("packet") = true,
         nb::arg("embree") = false);
+  nb::class_<TextureImage>(m, "TextureImage")
+      .def(
+          "__init__",
+          [](TextureImage* image, const std::string& path, const std::string& key, std::shared_ptr<TileMemory> memory,
+             int first_level) { new (image) TextureImage(open_tile_file(path, key, std::move(memory), first_level, false)); },
+          nb::arg("path"), nb::arg("key"), nb::arg("memory").none(), nb::arg("first_level"));
+  m.def("image_lookup", &looked_up, nb::arg("image"), nb::arg("wrap_s"), nb::arg("wrap_t"), nb::arg("st"), nb::arg("level"),
+        nb::arg("lanes"));
   m.def("texture_lookup", &texture_lookup, nb::arg("pixels"), nb::arg("wrap_s"), nb::arg("wrap_t"), nb::arg("first_level"),
         nb::arg("st"), nb::arg("level"), lanes);
   m.def("triangle_emission", &triangle_emission_rows, nb::arg("scene"), nb::arg("triangle"), nb::arg("placement"),
