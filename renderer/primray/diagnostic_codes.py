@@ -389,6 +389,9 @@ CODES: dict[str, Code] = {
         "Texels that are not finite, or negative in a light's texture, are read as 0; texels of a light above 1e15 are "
         "clamped.",
         "Write the file again with finite, non-negative values."),
+    "texture-cache": Code(Severity.WARNING, Kind.NOTE,
+        "The folder of the texture cache cannot be read or written, as on a full disk: textures may be held whole in memory.",
+        "Make room there, or name another folder by `--texture-cache`; the picture is the same."),
     "texture-outside": Code(Severity.WARNING, Kind.NOTE,
         "All texture coordinates of a surface are outside 0 to 1, where the texture's wrap mode is black.",
         "Author wrapS and wrapT on the texture node (USD's default is black), or pass `--default-wrap repeat`."),

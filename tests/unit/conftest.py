@@ -102,6 +102,7 @@ class FakePipeline:
             warnings=self.building,
             features=[{"name": "dome", "why": "/dome"}],
             memory_bytes=1000,
+            texture_memory=None,
             description=description,
             rendering_space=description.rendering_space,
             bounds=(np.zeros(3), np.ones(3)),

@@ -18,7 +18,7 @@ from ..description import SceneDescription, TextureFile
 from ..textures.texture import Texture
 
 # Fields that say where something comes from, or what was noticed in translation, but not what it looks like.
-IGNORED_FIELDS = {"path", "collections", "bad_texels", "turned", "names", "instance", "diffusion"}
+IGNORED_FIELDS = {"path", "collections", "bad_texels", "turned", "names", "instance", "diffusion", "content", "loader"}
 
 TextureSet = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
 
@@ -102,5 +102,5 @@ class _Digests:
         h.update(f"x{len(images)}:".encode())
         for number, image in images:
             if id(image) not in self._images:
-                self._images[id(image)] = self.of(image)
+                self._images[id(image)] = self.of(image.loaded())
             h.update(f"{number}:{self._images[id(image)]}".encode())

@@ -235,6 +235,7 @@ CONTENTS = (
     *("default_wrap", "render_context", "translated_shaders", "purposes"),
     *("variants", "no_payloads", "load", "mask", "session_layer"),
 )
+TEXTURES = ("texture_memory_bytes", "texture_cache", "texture_cache_bytes")
 SURFACES = ("dicing_rate", "complexity", "motion_blur", "shutter", "region", "motion_error")
 DIFFUSION = tuple(row.name for row in rows(RenderSettings) if row.name.startswith("diffusion"))
 REFUSAL = ("strict", "fail_on", "allow")
@@ -302,6 +303,8 @@ _CONVERTED: Mapping[str, Callable[[Any], Any]] = {
     "fail_on": option_values.codes_of,
     "allow": option_values.codes_of,
     "max_memory_bytes": option_values.bytes_of,
+    "texture_memory_bytes": option_values.texture_bytes_of,
+    "texture_cache_bytes": option_values.texture_bytes_of,
     "mask": option_values.mask_of,
 }
 # Settings that two flags set.

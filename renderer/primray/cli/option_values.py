@@ -234,13 +234,22 @@ def bytes_of(text: str | None) -> int | None:
         return None
     if text.strip() == "auto":
         return available_bytes()
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
-    if match is None:
-        raise SettingsError(f"{text!r} is not an amount of memory; expected one such as 4G or 500M", code="max-memory")
-    size = int(float(match[1]) * _UNITS[match[2].upper()])
+    size = _amount_of(text, "max-memory")
     if size < _LEAST_MEMORY:
         raise SettingsError(f"{text!r} is {size:,} bytes, too few for any render; write 4G for 4 GiB", code="max-memory")
     return size
+
+
+def texture_bytes_of(text: str | None) -> int | None:
+    """Return an amount of memory or of disk for textures in bytes, as "400M" and "8G" say it."""
+    return None if text is None else _amount_of(text, "texture-memory")
+
+
+def _amount_of(text: str, code: str) -> int:
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
+    if match is None:
+        raise SettingsError(f"{text!r} is not an amount of memory; expected one such as 4G or 500M", code=code)
+    return int(float(match[1]) * _UNITS[match[2].upper()])
 
 
 PREVIEW_SPP = 16  # denoising with fewer samples loses detail

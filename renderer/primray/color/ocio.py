@@ -75,6 +75,11 @@ def config_name() -> str:
     return str(_config().getName()) or _source()
 
 
+def config_id() -> str:
+    """Return a digest of the configuration in use."""
+    return str(_config().getCacheID())
+
+
 def displays() -> list[str]:
     return list(_config().getDisplays())
 

@@ -56,7 +56,13 @@ def render_pass(
         done = compiled.render_pass(scene._scene, film._film, to, asked, lanes=lanes(), progress=progress)
     except compiled.CoreError as error:
         raise_primray_error(error)
+    _check_textures(scene)
     return Pass(done.interrupted, done.seconds, done.busy_lanes, done.shaded_lanes)
+
+
+def _check_textures(scene: CoreScene) -> None:
+    if scene.tiled is not None:
+        scene.tiled.check()
 
 
 def _pass_settings(scene: CoreScene, settings: RenderSettings, splits: Splits) -> compiled.IntegratorSettings:
@@ -164,6 +170,7 @@ def first_hits(
             hits.fill(lanes(), threads(settings), row, row + BAND)
     except compiled.CoreError as error:
         raise_primray_error(error)
+    _check_textures(scene)
     return FirstHits(hits.take(), hits.take_primvars())
 
 

@@ -6,7 +6,7 @@ filter importance sampling.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,7 @@ from .native import lanes, max_depth, raise_primray_error, threads
 from .scene_record import InstanceNumbers, SceneRecord
 from .scene_upload import UploadRecord, emitter_warnings, upload_scene
 from .surface_upload import KeptImages, MutableTextures, OnFile, Textures
+from .tiled_textures import TiledTextures, facts_since, tiled_textures
 
 if TYPE_CHECKING:
     from .scene_upload import UploadRecord
@@ -76,6 +77,8 @@ class CoreScene:
         self._without_caustics: compiled.LpeAutomaton | None = None  # for renders without caustics
         self.uploaded: UploadRecord | None = None
         self.cancellation: compiled.Cancellation | None = None  # asked for from other threads; learning then raises Cancelled
+        self.tiled: TiledTextures | None = None  # where a budget was set
+        self.tiles_before: dict[str, Any] = {}  # its facts before the scene was built
         # Caches by path depth and whether caustics are rendered.
         self._guides: dict[tuple[int, bool, Splits], compiled.Guide | None] = {}
         self._caustics: dict[int, compiled.CausticGuide | None] = {}
@@ -182,6 +185,11 @@ class CoreScene:
         return self._scene.memory_bytes + compiled.embree_memory()[0] + sum(guide.memory_bytes for guide in guides)
 
     @property
+    def texture_memory(self) -> dict[str, Any] | None:
+        """What textures out of core read since the scene was built; None where no budget was set."""
+        return None if self.tiled is None else facts_since(self.tiled.facts(), self.tiles_before)
+
+    @property
     def exposure_scale(self) -> float:
         return self._exposure_scale
 
@@ -276,7 +284,9 @@ def build(
     try:
         limit_hierarchies(settings)
         offsets = inverse_cdf(settings.pixel_filter, width)
-        scene, uploaded = upload_scene(description, textures, width, offsets, shapes, record, kept, on_file)
+        tiled = tiled_textures(settings)
+        before = {} if tiled is None else tiled.facts()
+        scene, uploaded = upload_scene(description, textures, width, offsets, shapes, record, kept, on_file, tiled)
     except compiled.CoreError as error:
         if error.args[0] == "out-of-memory" and settings.max_memory_bytes is not None:
             held = int(compiled.embree_memory()[1]) / process_memory.MIB
@@ -286,7 +296,9 @@ def build(
         raise_primray_error(error)
     finally:
         compiled.limit_embree_memory(2**62)
-    return core_scene(scene, uploaded, description, record)
+    made = core_scene(scene, uploaded, description, record)
+    made.tiled, made.tiles_before = tiled, before
+    return made
 
 
 def limit_hierarchies(settings: RenderSettings) -> None:

@@ -62,6 +62,7 @@ from .single_precision import (
 )
 from .surface_upload import KeptImages, MutableTextures, OnFile, SurfaceUpload, TextureKey
 from .surface_upload import width as width_of
+from .tiled_textures import TiledTextures
 
 
 def upload_scene(
@@ -73,11 +74,13 @@ def upload_scene(
     record: SceneRecord | None = None,
     kept: KeptImages | None = None,
     on_file: OnFile | None = None,
+    tiled: TiledTextures | None = None,
 ) -> tuple[compiled.Scene, UploadRecord]:
     """Upload a description; return the core's Scene and a record of the upload. Empties `textures` to save memory.
 
     `shapes`, if given, replaces the description's shapes; it is emptied once the core has copies, before acceleration
-    structures are built. `record` receives the meaning of the core's row numbers. `on_file`: as in SurfaceUpload.add_images.
+    structures are built. `record` receives the meaning of the core's row numbers. `on_file` and `tiled`: as in
+    SurfaceUpload.add_images.
     """
     shapes = list(description.shapes) if shapes is None else shapes
     warnings: list[tuple[str, str, str]] = []
@@ -102,6 +105,7 @@ def upload_scene(
     headers = {file: [(number, tile.without_texels()) for number, tile in tiles] for file, tiles in textures.items()}
     surfaces = inputs.add_surfaces(d.surfaces)
     warnings.extend(inputs.warnings)
+    inputs.warnings.clear()
     handing = ShapeUpload(builder, inputs, lights, surfaces, shapes, full_boxes, warnings, record)
     with span("hand over shapes"):
         handing.add(d.static, origin, scale)
@@ -143,7 +147,8 @@ def upload_scene(
     camera = camera_input(d.camera, d.frame, d.camera_motion)
     builder.set_camera(filled(camera, filter_width=filter_width, filter_inverse_cdf=filter_inverse_cdf))
     with span("hand over images"):
-        inputs.add_images(kept, on_file)
+        inputs.add_images(kept, on_file, tiled)
+    warnings.extend(inputs.warnings)
     items = sum(points_and_triangles(shapes)) + instances
     shapes.clear()
     if items > WORTH_ITEMS:

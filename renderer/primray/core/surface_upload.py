@@ -6,7 +6,7 @@ exactly as it was read, whatever precision the colours need. Cut-outs have a tex
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from . import compiled
 from .dome_look import DomeLook
 from .inputs import filled, surface_input
 from .patterns.tape_upload import SharedInputs, TooLargeError, UnknownNodeError, tape_of
+from .tiled_textures import ImageOfScene, TiledTextures
 
 Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, or 0 for a file that is no set of tiles
 MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]
@@ -104,6 +105,9 @@ def selected_channels(texture: Texture, channels: str) -> Floats:
 def broadcast_grey(colored: bool, pixels: Floats) -> Floats:
     """Return pixels with grey repeated in three channels if `colored`: other tiles of the set have colours."""
     return np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3))) if colored else pixels
+
+
+OPAQUE = Texture(np.ones((1, 1, 1), np.float32))  # in place of an alpha that a file does not have
 
 
 @dataclass(frozen=True)
@@ -229,41 +233,61 @@ class SurfaceUpload:
     def texture_numbers(self) -> dict[TextureKey, int]:
         return dict(self._numbers)
 
-    def add_images(self, kept: KeptImages | None = None, on_file: OnFile | None = None) -> None:
+    def add_images(
+        self, kept: KeptImages | None = None, on_file: OnFile | None = None, tiled: TiledTextures | None = None
+    ) -> None:
         """Add the images of all textures; call after shapes, placements, lights and the camera.
 
         Each file's image is released once the core has copied what it keeps. `kept` gives those that it can. `on_file` is
-        called with the number of files whose images have been added, and of all.
+        called with the number of files whose images have been added, and of all. `tiled` decides which are read by tile.
         """
         if kept is None:
-            self._add_images(self._numbers, on_file)
+            self._add_images(self._numbers, on_file, tiled)
             return
         builder = self._builder
         assert isinstance(builder, compiled.SceneBuilder)
-        self.add_read_images({key: n for key, n in self._numbers.items() if not kept.give(builder, key, n)}, kept.read)
+        wanted = {key: n for key, n in self._numbers.items() if not kept.give(builder, key, n)}
+        self.add_read_images(wanted, kept.read, tiled)
 
-    def add_read_images(self, wanted: Mapping[TextureKey, int], read: ReadFiles) -> None:
-        """Add the images of these textures from files that are read now."""
+    def add_read_images(self, wanted: Mapping[TextureKey, int], read: ReadFiles, tiled: TiledTextures | None = None) -> None:
+        """Add the images of these textures from files that are read now; `tiled` as in `add_images`."""
         if wanted:
             self._textures.update({file: list(tiles) for file, tiles in read({key.file for key in wanted}).items()})
-        self._add_images(wanted)
+        self._add_images(wanted, tiled=tiled)
 
-    def _add_images(self, wanted: Mapping[TextureKey, int], on_file: OnFile | None = None) -> None:
+    def _add_images(
+        self, wanted: Mapping[TextureKey, int], on_file: OnFile | None = None, tiled: TiledTextures | None = None
+    ) -> None:
         by_file: dict[TextureFile, list[tuple[TextureKey, int]]] = {}
         for key, number in wanted.items():
             by_file.setdefault(key.file, []).append((key, number))
-        for done, (file, keys) in enumerate(by_file.items()):
-            if on_file is not None:
-                on_file(done, len(by_file))
-            self._add_file(self._textures.pop(file), keys)
+        if tiled is not None:
+            assert isinstance(self._builder, compiled.SceneBuilder)
+            images = [one for file, keys in by_file.items() for one in images_of(self._textures.pop(file), keys)]
+            tiled.add(self._builder, images, floats_of, on_file)
+            self.warnings.extend(tiled.take_warnings())
+        else:
+            for done, (file, keys) in enumerate(by_file.items()):
+                if on_file is not None:
+                    on_file(done, len(by_file))
+                for one in images_of(self._textures.pop(file), keys):  # no variable keeps floats: one image is held at a time
+                    self._builder.set_texture_image(one.texture, one.tile, floats_of(one, one.image))
         self._textures.clear()
 
-    def _add_file(self, tiles: Sequence[tuple[int, Texture]], keys: Sequence[tuple[TextureKey, int]]) -> None:
-        colored = any(texture.shape[2] > 2 for _, texture in tiles)
-        for key, number in keys:
-            for tile, texture in tiles:  # no local variable keeps an image's floats: one image is held at a time
-                rgb = key.channels == "rgb" and colored
-                self._builder.set_texture_image(number, tile, broadcast_grey(rgb, selected_channels(texture, key.channels)))
+
+def images_of(tiles: Sequence[tuple[int, Texture]], keys: Sequence[tuple[TextureKey, int]]) -> Iterator[ImageOfScene]:
+    """Yield the images that the textures of one file have in the core."""
+    colored = any(texture.shape[2] > 2 for _, texture in tiles)
+    for key, number in keys:
+        for tile, texture in tiles:
+            is_opaque = key.channels == "a" and texture.shape[2] in (1, 3)
+            is_rgb = key.channels == "rgb" and colored
+            yield ImageOfScene(number, tile, OPAQUE if is_opaque else texture, key.channels, 3 if is_rgb else 1)
+
+
+def floats_of(one: ImageOfScene, texture: Texture) -> Floats:
+    """Return the floats (H, W, C) of an image, from its texels."""
+    return broadcast_grey(one.count == 3, selected_channels(texture, one.channels))
 
 
 def width(values: Floats) -> int:

@@ -150,8 +150,12 @@ def _built(
     camera = camera_input(d.camera, d.frame)
     builder.set_camera(filled(camera, filter_width=width, filter_inverse_cdf=inverse_cdf(settings.pixel_filter, width)))
     coarse = set(builder.release_coarse_textures())
-    inputs.add_read_images({key: number for key, number in uploaded.texture_numbers.items() if number in coarse}, read)
-    return core_scene(builder.finish(), uploaded, d, scene.record)
+    inputs.add_read_images(
+        {key: number for key, number in uploaded.texture_numbers.items() if number in coarse}, read, scene.tiled
+    )
+    made = core_scene(builder.finish(), uploaded, d, scene.record)
+    made.tiled, made.tiles_before = scene.tiled, scene.tiles_before
+    return made
 
 
 def _placed(mesh: Mesh) -> compiled.MeshInput:

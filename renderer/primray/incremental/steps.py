@@ -26,6 +26,7 @@ from ..report.summary import ImageSize
 from ..settings import DefaultWrap, Filter, RenderSettings, rows
 from ..textures.texture import Texture
 from ..textures.texture_set import LoadedFile, images_of, load_files, with_read_textures
+from ..textures.tile_cache import TileCache, tile_cache
 
 if TYPE_CHECKING:
     from ..core import CoreScene
@@ -92,6 +93,7 @@ class CachedSteps(Steps):
     def __init__(self, translation: SharedTranslation | None = None) -> None:
         self.translation = SharedTranslation() if translation is None else translation
         self._is_whole = True
+        self._out_of_core: tuple[object, ...] | None = None
         self._translation = self.translation.kept
         self._plain: dict[int, tuple[Surface, Surface]] = {}
         self._drop()
@@ -124,6 +126,10 @@ class CachedSteps(Steps):
                     self.forget()
 
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
+        out_of_core = settings.texture_memory_bytes, settings.texture_cache, settings.texture_cache_bytes
+        if self._out_of_core not in (None, out_of_core):
+            self._drop()
+        self._out_of_core = out_of_core
         if not self._files_are_the_same():
             with self.reading_stage():
                 self.forget()
@@ -153,7 +159,9 @@ class CachedSteps(Steps):
             with self.reading_stage():
                 about = file_states(self._translation.files(description))
             told = partial(self.on_progress, "textures")
-            self._loaded, textures = load(description, settings.default_wrap, about, diagnostics, known, told)
+            self._loaded, textures = load(
+                description, settings.default_wrap, about, diagnostics, known, told, tile_cache(settings)
+            )
         diagnostics.extend(self._loaded.told)
         return self._loaded.made, textures
 
@@ -174,7 +182,8 @@ class CachedSteps(Steps):
         loaded, missing = self._loaded, {file for file in files if file not in at_hand}
         if loaded is None or not missing:
             return {}
-        found = load_files(loaded.given, read_asset, Wrap(loaded.default_wrap.value), only=missing)
+        wrap = Wrap(loaded.default_wrap.value)
+        found = load_files(loaded.given, read_asset, wrap, only=missing, cache=loaded.cache)
         return images_of(found)
 
     def fingerprint(self, description: SceneDescription, textures: Textures) -> dict[str, str]:
@@ -275,6 +284,7 @@ class LoadedTextures:
     files: dict[TextureFile, LoadedFile]  # all, without texels but for those of lights
     fresh: frozenset[TextureFile]  # those that the latest render has read
     states: FileStates | None
+    cache: TileCache | None = None
 
     @property
     def told(self) -> list[Diagnostic]:
@@ -317,13 +327,14 @@ def load(
     heard: Diagnostics,
     known: Mapping[TextureFile, LoadedFile],
     on_image: Callable[[int, int], None] | None = None,
+    cache: TileCache | None = None,
 ) -> tuple[LoadedTextures, Textures]:
     """Load textures, but for those in `known` that have the same readers; return all that is known now, and what was read.
 
     Diagnostics are kept, not reported; `heard` only decides how they name files.
     """
     read_diagnostics, light_diagnostics = Diagnostics(heard.shown), Diagnostics(heard.shown)
-    found = read_files(description, read_diagnostics, read_asset, Wrap(default_wrap.value), known, on_image)
+    found = read_files(description, read_diagnostics, read_asset, Wrap(default_wrap.value), known, on_image, cache)
     textures = images_of(found)
     made = replace(description, lights=with_read_textures(description.lights, textures, light_diagnostics))
     lit, sizes = _light_files(description), dict[int, Texture]()
@@ -335,6 +346,7 @@ def load(
         read_diagnostics=list(read_diagnostics),
         light_diagnostics=list(light_diagnostics),
         images=image_sizes(textures),
+        cache=cache,
         files={file: one if file in lit else one.without_texels(sizes) for file, one in found.items()},
         fresh=fresh,
         states=states,

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from ..tessellation.dice import DicedShape
     from ..textures.texture import Texture
     from ..textures.texture_set import LoadedFile
+    from ..textures.tile_cache import TileCache
 
 
 DENOISING_PIXEL_BYTES = 1000  # Open Image Denoise and the two half pictures, rounded up from measurements
@@ -302,6 +303,10 @@ def check_memory(
     }
     parts = dict(summary(description, settings.dicing_rate, images).memory_parts)
     parts |= {name: size * width * height for name, size in of_pixel.items()}
+    if settings.texture_memory_bytes is not None:
+        largest = max((4 * image.width * image.height * image.channels for image in images), default=0)
+        most = settings.texture_memory_bytes + 3 * largest  # one as floats, and its levels
+        parts["textures"] = min(parts.get("textures", 0), most)
     if process_memory.held is not None:
         from ..report.summary import PROCESS_BYTES, VIEW_BYTES
 
@@ -351,8 +356,9 @@ class Steps:
         self, description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings
     ) -> tuple[SceneDescription, Textures]:
         from .. import usd
+        from ..textures.tile_cache import tile_cache
 
-        return load_textures(description, diagnostics, usd.read_asset, settings.default_wrap)
+        return load_textures(description, diagnostics, usd.read_asset, settings.default_wrap, tile_cache(settings))
 
     def image_sizes(self, textures: Textures) -> list[ImageSize]:
         """Return the sizes of the images just loaded."""
@@ -417,6 +423,7 @@ def load_textures(
     diagnostics: Diagnostics,
     read: Callable[[str], bytes] | None,
     default_wrap: DefaultWrap = DefaultWrap.BLACK,
+    cache: TileCache | None = None,
 ) -> tuple[SceneDescription, Textures]:
     """Return the description, and the images of every file that could be read, with tile numbers or 0.
 
@@ -425,7 +432,7 @@ def load_textures(
     from ..description import Wrap
     from ..textures.texture_set import images_of, with_read_textures
 
-    textures = images_of(read_files(description, diagnostics, read, Wrap(default_wrap.value)))
+    textures = images_of(read_files(description, diagnostics, read, Wrap(default_wrap.value), cache=cache))
     return replace(description, lights=with_read_textures(description.lights, textures, diagnostics)), textures
 
 
@@ -436,13 +443,14 @@ def read_files(
     default_wrap: Wrap,
     known: Mapping[TextureFile, LoadedFile] = MappingProxyType({}),
     on_image: Callable[[int, int], None] | None = None,
+    cache: TileCache | None = None,
 ) -> dict[TextureFile, LoadedFile]:
     """Return what the description's files gave, with diagnostics about them; those in `known` that have the same readers are
     not read again."""
     from ..textures.coverage import note_missing_tiles, note_textures_outside
     from ..textures.texture_set import images_of, load_files
 
-    files = load_files(description, read, default_wrap, diagnostics.shown, known, on_image=on_image)
+    files = load_files(description, read, default_wrap, diagnostics.shown, known, on_image=on_image, cache=cache)
     for one in files.values():
         diagnostics.extend(one.told)
     note_textures_outside(description, images_of(files), diagnostics)

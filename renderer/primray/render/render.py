@@ -391,7 +391,8 @@ def core_facts(scene: CoreScene) -> dict[str, Any]:
     """Return the report's facts about the core."""
     from .. import core
 
-    return {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
+    facts = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
+    return facts if scene.texture_memory is None else facts | {"texture_memory": scene.texture_memory}
 
 
 class _Watched:

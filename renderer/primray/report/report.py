@@ -127,6 +127,7 @@ def make_report(
     assert stop is not None
     error = sampling.rows[-1].error.as_json() if sampling.rows else dict.fromkeys(metric.value for metric in Metric)
     optional = ({} if costs.checkpoint is None else {"checkpoint": costs.checkpoint}) | _left_out(film, settings, space)
+    optional |= {"texture_memory": core["texture_memory"]} if "texture_memory" in core else {}
     return optional | {
         "stages_s": costs.stages_s,
         "samples": int(film.samples),
@@ -180,6 +181,7 @@ _COSTS = (
     "pixels_sha256",
     "scene",
     "features",
+    "texture_memory",
     "diagnostics",
     "checkpoint",
     "aovs",

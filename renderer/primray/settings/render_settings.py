@@ -70,6 +70,8 @@ if TYPE_CHECKING:
     from .written import SettingsValues
 
 
+LEAST_TEXTURE_BYTES = 4 * 2**20  # some tiles for each thread
+DEFAULT_CACHE_BYTES = 50 * 2**30
 SHADOW_SHARE = 0.3  # share of a time limit for the shadow on a ground
 PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
 # Settings of the lens's diffusion, with the fields of Diffusion that they set.
@@ -144,6 +146,10 @@ def _is_deep_tolerance(tolerance: float) -> bool:
 
 def _is_deep_count(samples: int) -> bool:
     return 4 <= samples <= 4096
+
+
+def _is_texture_memory(size: int) -> bool:
+    return size >= LEAST_TEXTURE_BYTES
 
 
 def _is_region(region: tuple[float, float, float, float]) -> bool:
@@ -677,6 +683,53 @@ class RenderSettings:
             form=str,
             metavar="SIZE",
             shown="no limit",
+            commands=frozenset({"render", "view"}),
+        ),
+    )
+    # Memory for textures, in bytes: beyond it they are read by tile from a cache on disk, with the same pixels. None: no limit.
+    texture_memory_bytes: int | None = setting(
+        None,
+        whole,
+        check=must(_is_texture_memory, "the memory for textures must be at least 4 MiB"),
+        sampling=True,
+        seldom=True,
+        flag=Flag(
+            ("--texture-memory",),
+            "Memory for textures (400M, 8G), beyond which they are read from the texture cache, with the same pixels.",
+            form=str,
+            metavar="SIZE",
+            shown="no limit",
+            commands=frozenset({"render", "view"}),
+        ),
+    )
+    # Folder of that cache; None: primray/textures in $XDG_CACHE_HOME, or in ~/.cache.
+    texture_cache: str | None = setting(
+        None,
+        text,
+        sampling=True,
+        seldom=True,
+        flag=Flag(
+            ("--texture-cache",),
+            "Folder of the texture cache, which processes and machines may share.",
+            form=str,
+            metavar="DIR",
+            shown="~/.cache/primray/textures",
+            commands=frozenset({"render", "view"}),
+        ),
+    )
+    # Size of that cache in bytes, beyond which what was not used for the longest time is removed.
+    texture_cache_bytes: int = setting(
+        DEFAULT_CACHE_BYTES,
+        whole,
+        check=must(is_natural, "the size of the texture cache must be above 0 bytes"),
+        sampling=True,
+        seldom=True,
+        flag=Flag(
+            ("--texture-cache-size",),
+            "Size of the texture cache, beyond which files that were not used lately are removed.",
+            form=str,
+            metavar="SIZE",
+            shown="50G",
             commands=frozenset({"render", "view"}),
         ),
     )

@@ -59,6 +59,9 @@ class SettingsValues(TypedDict, total=False):
     fail_on: Iterable[str]
     allow: Iterable[str]
     max_memory_bytes: int | None
+    texture_memory_bytes: int | None
+    texture_cache: str | None
+    texture_cache_bytes: int
     dicing_rate: float
     dicing_camera: Camera | None
     surface_textures: bool

@@ -47,6 +47,8 @@ class Texture:
     wrap_t: Wrap = Wrap.BLACK
     turned: bool = False  # the file has an orientation, which texture coordinates ignore
     environment: str = ""  # environment layout in the metadata: "latlong", "cube" or ""
+    content: str = ""  # key of its levels in the cache on disk (tile_cache.py), where there is one
+    loader: Callable[[], Texture] | None = None  # reads the file; None: the texels are here
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -55,7 +57,12 @@ class Texture:
 
     def without_texels(self) -> Texture:
         """Return the texture's size, type and wrap modes; all of its texels are the same zero."""
-        return replace(self, stored=np.broadcast_to(np.zeros((1, 1, 1), self.stored.dtype), self.shape))
+        stored = np.broadcast_to(np.zeros((1, 1, 1), self.stored.dtype), self.shape)
+        return replace(self, stored=stored, content="", loader=None)
+
+    def loaded(self) -> Texture:
+        """Return the texture with its texels, which are read now if they are not here."""
+        return self if self.loader is None else self.loader()
 
     @property
     def pixels(self) -> Floats:
@@ -63,6 +70,8 @@ class Texture:
 
     def channels(self, first: int, end: int) -> Floats:
         """Return a contiguous range of channels."""
+        if self.loader is not None:
+            return self.loader().channels(first, end)
         if self.to_target is None or first >= 3:
             return self._unmixed(first, end)
         mixed = self._unmixed(0, max(end, 3))

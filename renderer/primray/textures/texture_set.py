@@ -25,6 +25,7 @@ from ..photometry.flux import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, am
 from ..photometry.light_shape import shape_key
 from ..time_spans import span
 from .texture import ReadAsset, Texture, load_texture
+from .tile_cache import TileCache
 
 TextureSet = dict[TextureFile, list[tuple[int, Texture]]]
 
@@ -71,11 +72,13 @@ def load_files(
     known: Mapping[TextureFile, LoadedFile] = MappingProxyType({}),
     only: Collection[TextureFile] | None = None,
     on_image: Callable[[int, int], None] | None = None,
+    cache: TileCache | None = None,
 ) -> dict[TextureFile, LoadedFile]:
     """Return the description's files, or `only` some of them, in the order in which it reads them.
 
     Files that name no wrap mode get `default_wrap`. Files in `known` that have the same readers are not read again. `shown`
-    rewrites messages. `on_image` is called with the number of images that have been read, and of all.
+    rewrites messages. `on_image` is called with the number of images that have been read, and of all. `cache`: images of
+    surfaces come without texels where their levels are there.
     """
     uses = _uses(description)
     same = _alpha_elsewhere(uses)
@@ -87,7 +90,7 @@ def load_files(
 
     def load(job: tuple[TextureFile, int, str]) -> Texture | AssetError | LimitError:
         file, _, path = job
-        return _load(file, path, uses[file], read, default_wrap)
+        return _load(file, path, uses[file], read, default_wrap, cache)
 
     images: TextureSet = {file: [] for file in wanted}
     told = {file: Diagnostics(shown) for file in wanted}
@@ -123,10 +126,17 @@ def note_unreadable(
 
 
 def _load(
-    file: TextureFile, path: str, use: Use, read: ReadAsset | None, default_wrap: Wrap = Wrap.BLACK
+    file: TextureFile,
+    path: str,
+    use: Use,
+    read: ReadAsset | None,
+    default_wrap: Wrap = Wrap.BLACK,
+    cache: TileCache | None = None,
 ) -> Texture | AssetError | LimitError:
     try:
         with span("read an image", file=path):
+            if cache is not None and use.light is None:  # lights need all texels, for their power
+                return cache.load(file, path, frozenset(use.channels), read, default_wrap)
             return load_texture(file, read, path=path, channels=frozenset(use.channels), default_wrap=default_wrap)
     except (AssetError, LimitError) as error:
         return error

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from primray.cli import option_values
-from primray.cli.flags import CONTENTS, LIGHTING, SIZE, VIEWPOINT, in_order, setting_values
+from primray.cli.flags import CONTENTS, LIGHTING, SIZE, TEXTURES, VIEWPOINT, in_order, setting_values
 from primray.settings import RenderSettings
 
 from ..cli.connection import need_extra
@@ -18,7 +18,7 @@ SPP = 1024  # a picture refines up to this many samples per pixel
 
 
 @in_order(
-    *("scene", *VIEWPOINT, *SIZE, "frames", "spp", "max_depth", "threads", "max_memory_bytes"),
+    *("scene", *VIEWPOINT, *SIZE, "frames", "spp", "max_depth", "threads", "max_memory_bytes", *TEXTURES),
     *("display", "view", "look", "exposure", *LIGHTING, *CONTENTS),
 )
 def view(

@@ -19,6 +19,7 @@ from primray_service.problems import Problem
 SCENE = {"id": f"sha256:{'0' * 64}"}
 # What the library has and the service does not: it is the server's, or a part of a picture.
 NOT_OF_JOBS = {"threads", "max_memory_bytes", "sample_range", "session_layer", "rendering_color_space", "resolution_scale"}
+NOT_OF_JOBS |= {"texture_memory_bytes", "texture_cache", "texture_cache_bytes"}
 NOT_OF_JOBS |= {"time_code"}  # frames
 NOT_OF_JOBS |= {"joint_products"}  # what the library says to itself
 NOT_OF_JOBS |= {"orbit_deg"}  # views of a turntable

@@ -56,6 +56,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     more += " --aov depth,normal --aov st --default-wrap mirror --render-context universal --auto-camera usdrecord"
     chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
     chosen += " --render-pass p --deep-tolerance 0.005 --deep-samples 64"
+    chosen += " --texture-memory 400M --texture-cache tiles --texture-cache-size 1G"
     chosen += " --shutter -0.25 0.5 --motion-error 0.2 --no-motion-blur --region 0 0.25 0.5 1"
     chosen += " --lens mechanical-vignetting=2,0.5 --lens natural-vignetting=1"
     chosen += " --diffusion 0 --diffusion-glare 0.1 --diffusion-bloom-width 0.02"
@@ -108,6 +109,9 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "fail_on": ["missing"],
         "allow": ["motion"],
         "max_memory_bytes": 4 * 2**30,
+        "texture_memory_bytes": 400 * 2**20,
+        "texture_cache": "tiles",
+        "texture_cache_bytes": 2**30,
         "lens_flaws": ["mechanical-vignetting=2,0.5", "natural-vignetting=1"],
         "variants": ["/a:s=x", "/a:t="],
         "load": ["/p", "/q"],

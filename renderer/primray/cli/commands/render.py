@@ -29,6 +29,7 @@ from ..flags import (
     REFUSAL,
     SIZE,
     SURFACES,
+    TEXTURES,
     VIEWPOINT,
     frames_in,
     in_order,
@@ -89,6 +90,7 @@ def profiled(command: Callable[..., None]) -> Callable[..., None]:
     *(
         *REFUSAL,
         "max_memory_bytes",
+        *TEXTURES,
         *SURFACES,
         "bit_depth",
         "half",
