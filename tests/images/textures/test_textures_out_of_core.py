@@ -115,7 +115,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def rendered(stage: Path, **more: Any) -> dict[str, Any]:
     values: dict[str, Any] = {"resolution": (640, 128), "spp": 8, "camera": "/cam"}
-    report: dict[str, Any] = primray.render(str(stage), RenderSettings(**(values | more))).report
+    report: dict[str, Any] = dict(primray.render(str(stage), RenderSettings(**(values | more))).report)
     return report
 
 
