@@ -85,9 +85,10 @@ def write_untiled(folder: Path, count: int, hdr: int, size: int) -> list[str]:
             name = f"sky{k}.exr"
             write(folder / name, texels, "float", compression="zips")
         else:
-            name = f"plain{k:02}.{'png' if k % 3 else 'jpg'}"
+            is_png = (k - hdr) % 2 == 0
+            name = f"plain{k:02}.{'png' if is_png else 'jpg'}"
             codes = np.round(noisy(size, size, 100 + k) * 255).astype(np.uint8)
-            write(folder / name, codes, "uint8", **({"png:compressionLevel": 1} if k % 3 else {}))
+            write(folder / name, codes, "uint8", **({"png:compressionLevel": 1} if is_png else {}))
         names.append(name)
     return names
 
