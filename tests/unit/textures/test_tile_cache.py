@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import multiprocessing
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -72,7 +73,9 @@ def test_texels_come_from_the_file_until_its_levels_are_there(tmp_path: Path) ->
 
 def test_an_entry_is_named_by_content_and_conversion_not_by_path_or_time(tmp_path: Path) -> None:
     cache = cache_of(tmp_path)
-    one, same, other = (write_image(tmp_path / name, seed) for name, seed in (("a.tif", 0), ("b.tif", 0), ("c.tif", 1)))
+    one, same, other = write_image(tmp_path / "a.tif"), tmp_path / "b.tif", write_image(tmp_path / "c.tif", 1)
+    shutil.copyfile(one, same)  # a file written anew has the time of day in it
+    os.utime(same, ns=(10**18, 10**18))
     keys = [load(cache, path).content for path in (one, same, other)]
     assert keys[0] == keys[1] != keys[2]
     os.utime(one)
