@@ -32,6 +32,8 @@ from primray import core
 from primray.description import Doubles, Light, LightType, Shape, Sphere, Surface
 from primray.settings import QUICK_LOOK, RenderSettings
 
+from .photon_guides import assert_mean_is_kept_with_less_noise
+
 N = 40_000
 GLASS = Surface("/glass", diffuse_color=(1, 1, 1), roughness=0.0, opacity=0.0, ior=1.5)
 METAL = Surface("/metal", diffuse_color=(0.9, 0.8, 0.6), metallic=1.0, roughness=0.1)
@@ -187,15 +189,7 @@ def test_light_through_water_is_found_everywhere() -> None:
 
 def test_pictures_keep_their_mean_and_lose_noise() -> None:
     scene, guide = learnt()
-    means, noise = [], []
-    for caustics in (guide, None):
-        pictures = [render(scene, 256, max_depth=DEPTH, seed=s, splits=1, caustics=caustics) for s in range(4)]
-        halves = np.concatenate([replicate_means(picture) for picture in pictures])
-        means.append(halves.mean(axis=(1, 2)))
-        noise.append(halves.std(axis=0).mean())
-    error = np.sqrt(sum(m.var(axis=0, ddof=1) / len(m) for m in means))
-    assert (np.abs(means[0].mean(axis=0) - means[1].mean(axis=0)) < 4 * error).all()
-    assert noise[0] < 0.8 * noise[1]  # 0.65 when this was written
+    assert_mean_is_kept_with_less_noise(scene, guide, 256, DEPTH)  # 0.65 of the noise when this was written
 
 
 @pytest.mark.parametrize("isa", ISAS)

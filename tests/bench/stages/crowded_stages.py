@@ -172,14 +172,20 @@ def _instancer(
     made.CreatePrototypesRel().SetTargets([f"{path}/archive_{k}" for k in own])
     indices = rng.choice(len(own), count, p=weights / weights.sum()).astype(np.int32)
     made.CreateProtoIndicesAttr(Vt.IntArray.FromNumpy(indices))
+    scatter(made, rng, count, side)
+
+
+def scatter(instancer: UsdGeom.PointInstancer, rng: np.random.Generator, count: int, side: float) -> None:
+    """Place instances on a square of that side, turned about y and of several sizes."""
     positions = np.zeros((count, 3), np.float32)
     positions[:, [0, 2]] = rng.uniform(-side / 2, side / 2, (count, 2))
-    made.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(positions))
+    instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(positions))
     angle = rng.uniform(0, np.pi, count)
     turns = np.zeros((count, 4), np.float16)
     turns[:, 1], turns[:, 3] = np.sin(angle), np.cos(angle)  # about y; memory order x, y, z, w
-    made.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(turns))
-    made.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(np.repeat(rng.uniform(0.5, 1.2, (count, 1)), 3, axis=1).astype(np.float32)))
+    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(turns))
+    scales = np.repeat(rng.uniform(0.5, 1.2, (count, 1)), 3, axis=1).astype(np.float32)
+    instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
 
 
 def _grid(stage: Usd.Stage, path: str, quads: int) -> None:

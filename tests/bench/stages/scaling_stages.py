@@ -13,7 +13,7 @@ import OpenImageIO as oiio
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from . import crowded_stages
-from .crowded_stages import moved, prim
+from .crowded_stages import moved, prim, scatter
 
 CUBE_POINTS = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
 CUBE_FACES = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
@@ -222,15 +222,7 @@ def _instancer(stage: Usd.Stage, path: str, count: int, side: float, prototype: 
     instancer = UsdGeom.PointInstancer.Define(stage, path)
     instancer.CreatePrototypesRel().SetTargets([prototype])
     instancer.CreateProtoIndicesAttr(Vt.IntArray(count))
-    positions = np.zeros((count, 3), np.float32)
-    positions[:, [0, 2]] = rng.uniform(-side / 2, side / 2, (count, 2))
-    instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(positions))
-    angle = rng.uniform(0, np.pi, count)
-    orientations = np.zeros((count, 4), np.float16)
-    orientations[:, 1], orientations[:, 3] = np.sin(angle), np.cos(angle)  # about y; memory order x, y, z, w
-    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(orientations))
-    scales = np.repeat(rng.uniform(0.5, 1.2, (count, 1)), 3, axis=1).astype(np.float32)
-    instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
+    scatter(instancer, rng, count, side)
 
 
 def _lights(stage: Usd.Stage, count: int) -> float:
