@@ -40,6 +40,7 @@ from .choices import (
     require,
 )
 from .setting import (
+    DRAWING,
     OPENING,
     PICTURES,
     RENDERING,
@@ -683,7 +684,7 @@ class RenderSettings:
             form=str,
             metavar="SIZE",
             shown="no limit",
-            commands=frozenset({"render", "view"}),
+            commands=DRAWING,
         ),
     )
     # Memory for textures, in bytes: beyond it they are read by tile from a cache on disk, with the same pixels. None: no limit.
@@ -699,7 +700,7 @@ class RenderSettings:
             form=str,
             metavar="SIZE",
             shown="no limit",
-            commands=frozenset({"render", "view"}),
+            commands=DRAWING,
         ),
     )
     # Folder of that cache; None: primray/textures in $XDG_CACHE_HOME, or in ~/.cache.
@@ -714,7 +715,7 @@ class RenderSettings:
             form=str,
             metavar="DIR",
             shown="~/.cache/primray/textures",
-            commands=frozenset({"render", "view"}),
+            commands=DRAWING,
         ),
     )
     # Size of that cache in bytes, beyond which what was not used for the longest time is removed.
@@ -730,7 +731,7 @@ class RenderSettings:
             form=str,
             metavar="SIZE",
             shown="50G",
-            commands=frozenset({"render", "view"}),
+            commands=DRAWING,
         ),
     )
     # Longest edge of diced surfaces, in pixels.

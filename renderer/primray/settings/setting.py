@@ -37,10 +37,11 @@ class Counts(Enum):
     STAGING = "staging"  # the scene, by additions to the stage; the default adds nothing
 
 
-# Commands of a flag: those that open a stage, those that sample it, those that make its picture.
+# Commands of a flag: those that open a stage, sample it, make its picture, or draw it in their own process.
 OPENING = frozenset({"render", "estimate", "inspect", "doctor", "submit", "view"})
 RENDERING = frozenset({"render", "estimate", "submit"})
 PICTURES = frozenset({"render", "submit"})
+DRAWING = frozenset({"render", "view"})
 
 
 class OnOff(Enum):
