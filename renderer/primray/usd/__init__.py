@@ -19,6 +19,7 @@ from .render_settings.outputs import can_share_render, ordered_picture_channels,
 from .render_settings.render_product import ProductSettings, RenderVariable
 from .render_settings.render_settings import named_product, products
 from .scene.bounds import world_box
+from .stage.asset_previews import check_preview, write_with_preview
 from .stage.metadata import stage_name, used_files
 from .stage.open import limit_threads, open_stage, reload_layers
 from .stage.reads import read_asset
@@ -33,6 +34,7 @@ __all__ = [
     "camera_layer",
     "camera_paths",
     "can_share_render",
+    "check_preview",
     "count_undrawn_shapes",
     "dependencies",
     "files_to_watch",
@@ -61,4 +63,5 @@ __all__ = [
     "used_files",
     "world_box",
     "write_usdz",
+    "write_with_preview",
 ]

@@ -39,6 +39,11 @@ def layer_value(layer: Sdf.Layer, name: str) -> Any:
         return None
 
 
+def prim_value(spec: Sdf.PrimSpec, name: str) -> Any:
+    """Return a piece of metadata that a layer has for a prim; the schema's fallback where it has none."""
+    return spec.GetInfo(name)
+
+
 def stage_value(stage: Usd.Stage, name: str) -> Any:
     """Return the session layer's or the root layer's opinion; None where neither has one."""
     for layer in (stage.GetSessionLayer(), stage.GetRootLayer()):
