@@ -31,6 +31,7 @@ from .commands.inspect import inspect
 from .commands.merge import merge
 from .commands.render import render
 from .commands.sheet import sheet
+from .commands.thumbnail import thumbnail
 from .flags import default_of, flags_of, names_of
 
 
@@ -229,6 +230,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "merge": merge,
     "inspect": inspect,
     "sheet": sheet,
+    "thumbnail": thumbnail,
     "compare": compare,
     "doctor": doctor,
 }

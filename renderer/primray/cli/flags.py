@@ -223,6 +223,13 @@ FLAGS: dict[str, Flag] = {
         bool,
         commands=RENDER,
     ),
+    "timeout": Flag(
+        ("--timeout",),
+        "Time limit of each render in seconds.",
+        float,
+        metavar="S",
+        commands=frozenset({"sheet", "thumbnail"}),
+    ),
     "list_cameras": Flag(("--list-cameras",), "Print the stage's cameras and exit.", bool, commands=RENDER),
 }
 

@@ -26,7 +26,7 @@ from ..errors import SettingsError
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 _RENDERED = (0, 5)  # exit codes of renders that wrote a picture; 5: its error is above the target
-_LIMIT_S = "time"  # Ended.exit_code of a process that exceeded its time
+LIMIT_S = "time"  # Ended.exit_code of a process that exceeded its time
 
 
 @dataclass(frozen=True)
@@ -166,12 +166,12 @@ def run_limited(command: list[str], timeout_s: float, stderr: Path) -> Ended:
     process.returncode = os.waitstatus_to_exitcode(status)
     peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
     text = stderr.read_text(errors="replace").strip()
-    return Ended(_LIMIT_S if stopped else process.returncode, time.monotonic() - start, peak, text)
+    return Ended(LIMIT_S if stopped else process.returncode, time.monotonic() - start, peak, text)
 
 
 def marks(exit_code: int | str, exr: Path, report: Mapping[str, Any]) -> Iterator[str]:
     """Yield the anomalies of a process and its picture."""
-    if exit_code == _LIMIT_S:
+    if exit_code == LIMIT_S:
         yield "time"
     elif exit_code == 1 or (isinstance(exit_code, int) and exit_code < 0):
         yield "crash"

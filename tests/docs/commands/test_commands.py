@@ -19,7 +19,7 @@ from .shot import write_shot
 
 PAGES = {str(page.relative_to(ROOT)): list(printed_commands(page)) for page in pages()}
 # Those that end by themselves and need no server, cluster, browser or viewer.
-RUN_HERE = ("render", "compare", "inspect", "estimate", "merge", "sheet", "doctor")
+RUN_HERE = ("render", "compare", "inspect", "estimate", "merge", "sheet", "thumbnail", "doctor")
 ELSEWHERE = ("--ray", "tev:", "scenes/gallery", "scenes/analytic", "$")
 SMALLER = 1 / 16
 LIMIT = "0.2"  # seconds

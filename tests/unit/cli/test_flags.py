@@ -10,7 +10,7 @@ from typer.main import get_command
 from primray.cli.app import LazyCommand, app, loaded
 from primray.cli.flags import flags_of
 
-COMMANDS = ("render", "estimate", "inspect", "doctor", "submit", "sheet", "merge", "view")
+COMMANDS = ("render", "estimate", "inspect", "doctor", "submit", "sheet", "thumbnail", "merge", "view")
 OPEN_A_STAGE = {"render", "estimate", "inspect", "doctor", "submit"}
 RENDER = {"render", "estimate", "submit"}
 LACKING = {

@@ -74,7 +74,7 @@ def sheet(
     spp: int = 16,
     at_once: Annotated[int, typer.Option("--at-once", "-n", metavar="N", help="Number of simultaneous renders.")] = 1,
     threads: int | None = None,
-    timeout: Annotated[float, typer.Option(metavar="S", help="Time limit of each render in seconds.")] = 120.0,
+    timeout: float = 120.0,
     max_memory_bytes: str = "16G",
     roots_only: Annotated[
         bool, typer.Option("--roots-only", help="Leave out layers that other stages in the folder use.")
