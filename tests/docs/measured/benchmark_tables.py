@@ -399,3 +399,22 @@ def ablations_lost(rows: Rows) -> Iterator[str]:
     for row in measured(rows):
         if row["range"][1] < 1:
             yield f"{row['scene']}: better without {row['name']} ({row['instead']}): error x seconds {row['error_seconds']:.3f}"
+
+
+def island_table(rows: Rows) -> str:
+    """Return the table of islands: seconds of each step and the peak of memory."""
+    steps = ("open", "translate", "build", "render")
+    head = ("instances", "triangles", *steps[:3], "first picture", "in all", "peak, GB")
+    return table(
+        head,
+        [
+            (
+                f"{row['instances']:,}",
+                f"{row['triangles']:,}",
+                *(f"{row[f'{step}_s']:.2f} ({row[f'{step}_cpu_s']:.2f})" for step in steps),
+                f"{sum(row[f'{step}_s'] for step in steps):.1f} ({sum(row[f'{step}_cpu_s'] for step in steps):.1f})",
+                f"{row['peak_bytes'] / 1e9:.1f}",
+            )
+            for row in rows
+        ],
+    )

@@ -98,6 +98,8 @@ MaterialX nodes each; tufts are instances of 60 strands all over a ball, and fla
 smallest numbers of tufts stay instances, more of them overlap and are copied, so that their set-up has a step. They were
 measured on 2026-11-30 while other work kept the load of the two cores between 8 and 19: CPU seconds are up to 1.5 to 2 times
 those of an idle machine, and their seconds are mostly waiting."""
+ISLAND_TEXT = """The island at the size of Moana's, on a quiet machine: seconds (CPU seconds of all threads) of each step, and
+of a first picture of 160 x 90 pixels with one sample."""
 ABLATIONS_TEXT = """Each row is the renderer without one thing, over the renderer as it is: error at equal samples, CPU seconds,
 and their product, by which more than 1 is what the thing is worth; of errors' means since 2026-11-25 (before: medians of the
 rounds' ratios), with the range of the rounds. Rows that need another build of the core are measured where
@@ -265,6 +267,9 @@ def _growth(made: Page) -> None:
             made.chart(f"growth-{name}", f"{name} against size", chart(f"{name} by number of items", "items", y_name, lines))
         made.add(tables.growth_table(rows))
         made.loses(tables.growth_lost(rows))
+    if (largest := latest("scaling")) and (rows := tables.of_kind(largest["rows"], "island")):
+        made.about(largest)
+        made.add(ISLAND_TEXT, tables.island_table(rows))
     if pictures := latest("growth-pictures"):
         rows = pictures["rows"]
         made.about(pictures)
