@@ -19,6 +19,7 @@ from ..render.interruption import INTERRUPTED, end_at_once, install, interrupt
 from . import lazy_dataclasses
 from .console import exit_code_of, finish, make_lasting, print_error, print_json_error
 from .foreign_command_lines import translate_foreign_flags
+from .libraries_ahead import load_ahead
 from .quick import render_arguments
 
 
@@ -96,6 +97,8 @@ def _is_interrupt(end: SystemExit) -> bool:
 def _call(arguments: list[str]) -> None:
     plain = render_arguments(arguments)
     if plain is not None:
+        if process_memory.owns_process:
+            load_ahead()
         from .commands.render import render
 
         render(**plain)
