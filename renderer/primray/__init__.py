@@ -21,7 +21,7 @@ from .settings import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, Rend
 from .version import __version__
 
 if TYPE_CHECKING:
-    from .camera import Camera, Projection
+    from .camera import Camera, Projection, looking_at
     from .checkpoints.checkpointing import Checkpointing
     from .compare.comparison import Comparison, Verdict
     from .compare.sequences import SequenceComparison
@@ -81,6 +81,7 @@ __all__ = [
     "errors",
     "estimate",
     "inspect",
+    "looking_at",
     "profile",
     "read_image",
     "render",
@@ -115,6 +116,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "doctor": "diagnosis.doctor",
         "estimate": "diagnosis.estimate",
         "inspect": "diagnosis.inspection",
+        "looking_at": "camera",
         "profile": "report.profile",
         "read_image": "images.reading",
         "render_frames": "incremental.scene",

@@ -11,8 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from .arrays import Doubles
+from .errors import SettingsError
 from .lens.diffusion import NO_DIFFUSION, Diffusion, diffusion_of
-from .lens.distortion import Distortion, distortion_as_json, distortion_of
+from .lens.distortion import Distortion, DistortionModel, distortion_as_json, distortion_of
+
+FARTHEST = float(np.finfo(np.float32).max)  # far plane of a camera that clips nothing
+RATIONAL_COUNTS = (0, 4, 5, 8, 12)  # of OpenCV's coefficients; its 14 tilt the sensor
+FISHEYE_COUNT = 4
 
 
 class Projection(Enum):
@@ -71,12 +76,142 @@ class Camera:
     # Distance from which on things must be placed to a thousandth of a pixel, in scene units; 0: that of the near plane. Of
     # cameras that are close to each other and have the same, all points of a scene that stays are shared.
     nearest: float = 0.0
+    # The pixels take the shape of the window, rather than the window that of the picture: where they are not square, as in an
+    # intrinsic matrix whose fx is not fy.
+    pixels_follow_window: bool = False
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Camera) and camera_as_json(self) == camera_as_json(other)
 
     def __hash__(self) -> int:
         return hash((self.path, self.projection, self.window))
+
+    @staticmethod
+    def from_intrinsics(
+        matrix: npt.ArrayLike,
+        resolution: tuple[int, int],
+        world_from_camera: npt.ArrayLike | None = None,
+        distortion: npt.ArrayLike = (),
+        *,
+        fisheye: bool = False,
+        half_pixels: bool = False,
+        clipping_range: tuple[float, float] = (0.0, FARTHEST),
+    ) -> Camera:
+        """Return the pinhole camera of OpenCV's intrinsic matrix K for pictures of `resolution` (width, height).
+
+        `matrix` (3, 3) is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels. OpenCV, ROS, KITTI and BOP count middles of pixels
+        as whole numbers: (0, 0) is the middle of the upper left pixel. `half_pixels` says that (0.5, 0.5) is, as `project`
+        counts. `distortion` is in OpenCV's order: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4]]], without units, the radius being
+        the tangent of the angle to the axis; with `fisheye`, k1 k2 k3 k4 of cv2.fisheye, powers of the angle in radians
+        ("Camera Calibration and 3D Reconstruction", "Fisheye camera model"). `world_from_camera` is Camera's, not OpenCV's,
+        whose camera has +Y down and looks along +Z (`opencv_camera_from_world`); the identity by default.
+
+        SettingsError: a matrix that is none of a camera or has skew, coefficients of another number.
+
+        >>> k = [[100.0, 0.0, 63.5], [0.0, 100.0, 31.5], [0.0, 0.0, 1.0]]
+        >>> primray.Camera.from_intrinsics(k, (128, 64)).window
+        (-0.64, 0.64, -0.32, 0.32)
+        """
+        width, height = resolution
+        k = _matrix(matrix, (3, 3), "an intrinsic matrix")
+        (fx, skew, cx), (zero, fy, cy), last = k.tolist()
+        if skew or zero or last != [0.0, 0.0, 1.0] or not (fx > 0 and fy > 0):
+            raise SettingsError(
+                "an intrinsic matrix is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], fx and fy above 0", where="camera"
+            )
+        half = 0.0 if half_pixels else 0.5
+        window = (-(cx + half) / fx, (width - cx - half) / fx, -(height - cy - half) / fy, (cy + half) / fy)
+        return Camera(
+            path="",
+            world_from_camera=np.eye(4)
+            if world_from_camera is None
+            else _matrix(world_from_camera, (4, 4), "world_from_camera"),
+            projection=Projection.PERSPECTIVE,
+            window=window,
+            clipping_range=clipping_range,
+            distortion=_opencv_distortion(np.asarray(distortion, np.float64).ravel().tolist(), fisheye),
+            pixels_follow_window=fx != fy,
+        )
+
+    @staticmethod
+    def from_field_of_view(
+        angle_deg: float,
+        resolution: tuple[int, int],
+        world_from_camera: npt.ArrayLike | None = None,
+        *,
+        axis: str = "horizontal",
+        clipping_range: tuple[float, float] = (0.0, FARTHEST),
+    ) -> Camera:
+        """Return the pinhole camera that sees `angle_deg` between opposite sides of pictures of `resolution` (width, height).
+
+        `axis` is "horizontal", "vertical" or "diagonal" (between opposite corners). SettingsError: an angle that is not between
+        0 and 180 degrees, another axis.
+
+        >>> primray.Camera.from_field_of_view(90.0, (200, 100)).window
+        (-1.0, 1.0, -0.5, 0.5)
+        """
+        width, height = resolution
+        sides = {"horizontal": width, "vertical": height, "diagonal": float(np.hypot(width, height))}
+        if axis not in sides:
+            raise SettingsError(f"axis must be one of {', '.join(map(repr, sides))}, not {axis!r}", where="camera")
+        if not 0 < angle_deg < 180:
+            raise SettingsError(f"a field of view is between 0 and 180 degrees, not {angle_deg}", where="camera")
+        focal = sides[axis] / (2 * np.tan(np.radians(angle_deg) / 2))
+        k = [[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]]
+        return Camera.from_intrinsics(
+            np.round(k, 12), resolution, world_from_camera, half_pixels=True, clipping_range=clipping_range
+        )
+
+    def intrinsics(self, resolution: tuple[int, int], *, half_pixels: bool = False) -> Doubles:
+        """Return the intrinsic matrix K (3, 3) of pictures of `resolution` (width, height), as from_intrinsics takes it.
+
+        SettingsError: an orthographic camera, which has none. What K does not say (distortion, blur) is left out.
+
+        >>> primray.Camera.from_field_of_view(90.0, (200, 100)).intrinsics((200, 100)).tolist()
+        [[100.0, 0.0, 99.5], [0.0, 100.0, 49.5], [0.0, 0.0, 1.0]]
+        """
+        if self.projection is not Projection.PERSPECTIVE:
+            raise SettingsError("an orthographic camera has no intrinsic matrix", where="camera")
+        left, right, bottom, top = self.window
+        fx, fy = resolution[0] / (right - left), resolution[1] / (top - bottom)
+        half = 0.0 if half_pixels else 0.5
+        return np.array([[fx, 0.0, -left * fx - half], [0.0, fy, top * fy - half], [0.0, 0.0, 1.0]])
+
+    @property
+    def opengl_camera_from_world(self) -> Doubles:
+        """The view matrix (4, 4) for points as column vectors; the camera looks along -Z, +Y up, as USD's and OpenGL's do."""
+        return np.asarray(np.linalg.inv(np.asarray(self.world_from_camera, np.float64)))
+
+    @property
+    def opencv_camera_from_world(self) -> Doubles:
+        """OpenCV's [R | t] as (4, 4) for points as column vectors; the camera looks along +Z, +Y down (ROS' optical frame)."""
+        return np.asarray(np.diag([1.0, -1.0, -1.0, 1.0]) @ self.opengl_camera_from_world)
+
+    @property
+    def opengl_projection(self) -> Doubles:
+        """OpenGL's projection matrix (4, 4) for column vectors; NDC from -1 (left, bottom, near) to 1 (right, top, far).
+
+        That of glFrustum, or glOrtho for an orthographic camera, in float64: without distortion. A camera that clips nothing
+        has a near plane at 0, and so a third row that says no depth.
+        """
+        left, right, bottom, top = self.window
+        near, far = self.clipping_range
+        across, up, deep = right - left, top - bottom, far - near
+        if self.projection is Projection.ORTHOGRAPHIC:
+            rows = [
+                [2 / across, 0, 0, -(right + left) / across],
+                [0, 2 / up, 0, -(top + bottom) / up],
+                [0, 0, -2 / deep, -(far + near) / deep],
+                [0, 0, 0, 1],
+            ]
+        else:
+            rows = [
+                [2 / across, 0, (right + left) / across, 0],
+                [0, 2 / up, (top + bottom) / up, 0],
+                [0, 0, -(far + near) / deep, -2 * (far / deep) * near],
+                [0, 0, -1, 0],
+            ]
+        return np.array(rows, np.float64)
 
     def project(self, points: npt.ArrayLike, resolution: tuple[int, int]) -> Doubles:
         """Return pixel positions (N, 2), x right and y down from the upper left corner, of world `points` (N, 3).
@@ -97,6 +232,53 @@ class Camera:
         return np.stack([(xy[:, 0] - left) / (right - left) * width, (top - xy[:, 1]) / (top - bottom) * height], axis=1)
 
 
+def looking_at(eye: npt.ArrayLike, target: npt.ArrayLike, up: npt.ArrayLike = (0.0, 1.0, 0.0)) -> Doubles:
+    """Return `world_from_camera` (4, 4) of a camera at `eye` that looks at `target`, upright by `up`; world points (3,).
+
+    SettingsError: eye and target are one point, or `up` is along the view.
+
+    >>> primray.looking_at((0, 0, 5), (0, 0, 0)).tolist()[2]
+    [0.0, 0.0, 1.0, 5.0]
+    """
+    place, aim, upwards = (np.asarray(p, np.float64) for p in (eye, target, up))
+    backward = place - aim
+    right = np.cross(upwards, backward)
+    if not np.linalg.norm(right) > 1e-12 * np.linalg.norm(upwards) * np.linalg.norm(backward):
+        raise SettingsError("eye and target must be apart, and up not along the view", where="camera")
+    backward /= np.linalg.norm(backward)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3] = np.stack([right, np.cross(backward, right), backward, place], axis=1)
+    return matrix
+
+
+def _matrix(values: npt.ArrayLike, shape: tuple[int, int], what: str) -> Doubles:
+    matrix = np.asarray(values, np.float64)
+    if matrix.shape != shape or not np.isfinite(matrix).all():
+        raise SettingsError(f"{what} has {shape[0]} x {shape[1]} finite numbers", where="camera")
+    return matrix
+
+
+def _opencv_distortion(coefficients: list[float], fisheye: bool) -> Distortion | None:
+    """Return the distortion of OpenCV's coefficients; None where all are 0 in a lens that is no fisheye."""
+    if fisheye:
+        if len(coefficients) not in (0, FISHEYE_COUNT):
+            raise SettingsError(f"cv2.fisheye has {FISHEYE_COUNT} coefficients, not {len(coefficients)}", where="camera")
+        return Distortion(DistortionModel.ANGLE_TO_RADIUS, (1.0, *(coefficients or [0.0] * FISHEYE_COUNT)))
+    tilted = coefficients[max(RATIONAL_COUNTS) :]
+    if len(tilted) == 2 and not any(tilted):
+        coefficients = coefficients[: max(RATIONAL_COUNTS)]
+    if len(coefficients) not in RATIONAL_COUNTS:
+        counts = ", ".join(map(str, RATIONAL_COUNTS))
+        raise SettingsError(
+            f"a lens has {counts} of OpenCV's coefficients (a tilted sensor is not modelled), not {len(coefficients)}",
+            where="camera",
+        )
+    if not any(coefficients):
+        return None
+    return Distortion(DistortionModel.RATIONAL, tuple(coefficients + [0.0] * (max(RATIONAL_COUNTS) - len(coefficients))))
+
+
 def camera_as_json(camera: Camera) -> dict[str, Any]:
     """Return a camera as JSON-compatible values."""
     matrix = np.asarray(camera.world_from_camera, np.float64)
@@ -104,6 +286,8 @@ def camera_as_json(camera: Camera) -> dict[str, Any]:
         "world_from_camera": matrix.tolist(),
         "projection": camera.projection.value,
     }
+    if not camera.pixels_follow_window:
+        del plain["pixels_follow_window"]
     return plain | {"distortion": distortion_as_json(camera.distortion)}
 
 
@@ -137,4 +321,5 @@ def camera_of(values: Mapping[str, Any]) -> Camera:
         channel_magnification=(red, green, blue),
         channel_focus_shift=(of_red, of_green, of_blue),
         nearest=float(values.get("nearest", 0.0)),
+        pixels_follow_window=bool(values.get("pixels_follow_window", False)),
     )

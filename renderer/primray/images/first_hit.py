@@ -10,9 +10,11 @@ import numpy.typing as npt
 
 from .. import core
 from ..aovs import WIDE, AovRequest, kind_of, occlusion_distance, primvar_of, primvars_of, taxonomy_of
+from ..camera import Projection
 from ..core.scene_record import SceneRecord
 from ..description import Camera
 from ..errors import LimitError
+from ..lens.distortion import distortion_as_json
 from ..settings import RenderSettings
 from .aov import Aov, Values, channel_names, make_aov
 from .writers import exr_matrices
@@ -214,6 +216,11 @@ def labels_of_view(
             "world_from_camera": camera.world_from_camera.tolist(),
             "world_to_camera": world.tolist(),
             "world_to_ndc": ndc.tolist() if camera.distortion is None else None,
+            "intrinsics": camera.intrinsics(scene.resolution).tolist() if camera.projection is Projection.PERSPECTIVE else None,
+            "distortion": distortion_as_json(camera.distortion),
+            "opencv_camera_from_world": camera.opencv_camera_from_world.tolist(),
+            "opengl_camera_from_world": camera.opengl_camera_from_world.tolist(),
+            "opengl_projection": camera.opengl_projection.tolist() if camera.distortion is None else None,
         },
         "boxes": {},
     }

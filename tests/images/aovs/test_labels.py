@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,33 @@ def test_boxes_are_of_every_object(image: primray.Image) -> None:
     seen = ndc @ [-2, 1, 0, 1]
     np.testing.assert_allclose(seen[:2] / seen[3], [0, 0], atol=1e-6)  # the car's upper left corner
     json.dumps(image.report)
+
+
+def test_matrices_are_those_of_opencv_and_opengl(image: primray.Image) -> None:
+    says = image.report["labels"]["camera"]
+    assert image.camera is not None
+    assert says["distortion"] is None
+    if says["intrinsics"] is not None:
+        np.testing.assert_array_equal(says["intrinsics"], image.camera.intrinsics(image.resolution))
+    np.testing.assert_array_equal(says["opencv_camera_from_world"], image.camera.opencv_camera_from_world)
+    corner = np.array(says["opengl_projection"]) @ np.array(says["opengl_camera_from_world"]) @ [-2, 1, 0, 1]
+    np.testing.assert_allclose(corner[:2] / corner[3], [-1, 1], atol=1e-6)  # the car's upper left corner
+
+
+def test_a_perspective_picture_says_its_intrinsic_matrix(tmp_path: Path) -> None:
+    path = tmp_path / "s.usda"
+    path.write_text('#usda 1.0\ndef Sphere "ball" {}\n')
+    k = [[100.0, 0.0, 30.0], [0.0, 90.0, 25.0], [0.0, 0.0, 1.0]]
+    camera = primray.Camera.from_intrinsics(k, (64, 48), primray.looking_at((0, 0, 9), (0, 0, 0)), (0.1, 0.0, 0.0, 0.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", primray.RenderWarning)
+        image = primray.render(path, camera=camera, aovs=["labels:class"], resolution=(64, 48), spp=1, progress=False)
+    says = image.report["labels"]["camera"]
+    assert image.camera is not None
+    np.testing.assert_allclose(says["intrinsics"], k)
+    assert says["distortion"]["coefficients"][0] == 0.1
+    assert says["opengl_projection"] is None
+    np.testing.assert_array_equal(says["opencv_camera_from_world"], [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 9], [0, 0, 0, 1]])
 
 
 def test_a_file_has_the_table(image: primray.Image, tmp_path: Path) -> None:

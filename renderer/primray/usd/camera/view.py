@@ -130,6 +130,8 @@ def view_without_scene(
     asked = _camera_without_prim(prim, ctx)
     if asked is not None:
         aperture = given_aperture(asked)
+        if isinstance(asked, Camera) and asked.pixels_follow_window:
+            product = replace(product, conform_policy="adjustPixelAspectRatio")
     else:
         aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
     resolution = _scaled(_resolution(ctx.settings.resolution, product, aperture), ctx.settings.resolution_scale)
