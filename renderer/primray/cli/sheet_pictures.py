@@ -132,6 +132,22 @@ img { width: 100%; background: repeating-conic-gradient(#ccc 0 25%, #eee 0 50%) 
 figcaption b { overflow-wrap: anywhere } .mark { color: #c00; font-weight: bold }
 pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 11px; margin: .3em 0 0; max-height: 16em; overflow: auto }
 table { border-collapse: collapse } td { padding: 0 1em 0 0 }
+input { font: inherit; width: 20em; max-width: 100%; margin: 1em 0 } figure[hidden] { display: none }
+"""
+# All words that are typed must be in the stage's path; the page's address keeps them, so that a search can be sent on.
+_SEARCH = """
+const field = document.querySelector("input"), count = document.querySelector("output")
+const figures = [...document.querySelectorAll("figure")]
+function search() {
+  const words = field.value.toLowerCase().split(/\\s+/).filter(Boolean)
+  for (const each of figures) each.hidden = !words.every((word) => each.id.toLowerCase().includes(word))
+  count.textContent = `${figures.filter((each) => !each.hidden).length} of ${figures.length}`
+  history.replaceState(null, "", field.value ? `#search=${encodeURIComponent(field.value)}` : location.pathname)
+}
+const asked = /^#search=(.*)/.exec(location.hash)
+if (asked) field.value = decodeURIComponent(asked[1])
+field.addEventListener("input", search)
+if (asked) search()
 """
 
 
@@ -139,7 +155,9 @@ def page(title: str, outcomes: Sequence[Outcome]) -> str:
     figures = "\n".join(_figure(outcome) for outcome in outcomes)
     return (
         f"<!doctype html><html lang=en><meta charset=utf-8><title>{html.escape(title)}</title><style>{_STYLE}</style>"
-        f"<h1>{html.escape(title)}</h1>{_totals(outcomes)}<main>{figures}</main></html>\n"
+        f"<h1>{html.escape(title)}</h1>{_totals(outcomes)}"
+        f"<label>Search by name: <input type=search></label> <output aria-live=polite>{len(outcomes)}</output>"
+        f"<main>{figures}</main><script>{_SEARCH}</script></html>\n"
     )
 
 

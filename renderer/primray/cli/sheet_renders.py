@@ -69,12 +69,22 @@ def stage_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
 
 
+Render = Callable[[Path, Path, Limits, Path], Outcome]  # folder, stage, limits, an empty folder
+
+
 def render_all(
-    folder: Path, stages: Sequence[Path], limits: Limits, at_once: int, scratch: Path, done: Callable[[Outcome], None]
+    folder: Path,
+    stages: Sequence[Path],
+    limits: Limits,
+    at_once: int,
+    scratch: Path,
+    done: Callable[[Outcome], None],
+    render: Render | None = None,
 ) -> list[Outcome]:
-    """Render all stages; return outcomes in their order. `done` is called as each ends."""
+    """Render all stages; return outcomes in their order. `done` is called as each ends; `render` is for those that are kept."""
     with processes(at_once) as pool:
-        running = {pool.submit(_render, folder, path, limits, scratch / str(k)): k for k, path in enumerate(stages)}
+        one = render or render_stage
+        running = {pool.submit(one, folder, path, limits, scratch / str(k)): k for k, path in enumerate(stages)}
         outcomes: dict[int, Outcome] = {}
         for future in as_completed(running):
             outcomes[running[future]] = future.result()
@@ -110,8 +120,8 @@ main()
 """
 
 
-def _render(folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome:
-    scratch.mkdir(parents=True)
+def render_stage(folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome:
+    scratch.mkdir(parents=True, exist_ok=True)
     exr, png, report_file = scratch / "p.exr", scratch / "p.png", scratch / "r.json"
     command = render_command(stage, limits, exr, png, report_file)
     ended = run_limited(command, limits.timeout_s, scratch / "err")

@@ -79,6 +79,14 @@ def sheet(
     roots_only: Annotated[
         bool, typer.Option("--roots-only", help="Leave out layers that other stages in the folder use.")
     ] = False,
+    keep: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DIR",
+            help="Keep a folder's outcomes here; what has not changed since the last sheet is not rendered again.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Render a contact sheet of the stages in a folder, or of one stage's frames, cameras and variants.
 
@@ -103,9 +111,11 @@ def sheet(
         if frames is not None or cameras or variants or columns:
             sentence = "frames, cameras, variants and columns are for the sheet of one stage, but this is a folder"
             raise SettingsError(sentence, where=source, code="sheet")
-        outcomes = _sheet_of_folder(Path(source), output or "sheet.html", limits, at_once, roots_only)
+        outcomes = _sheet_of_folder(Path(source), output or "sheet.html", limits, at_once, roots_only, keep)
         failed = sum(outcome.failed for outcome in outcomes)
     else:
+        if keep is not None:
+            raise SettingsError("--keep is for the sheet of a folder, but this is a stage", where=source, code="sheet")
         if roots_only:
             raise SettingsError("--roots-only is for the sheet of a folder, but this is a stage", where=source, code="sheet")
         time_codes = option_values.time_codes_of(option_values.frames_of(frames, None, None, False, source, None))
@@ -132,8 +142,11 @@ def _checked(flags: list[str]) -> tuple[tuple[str, ...], int | None]:
     return tuple(flags), None if size is None else size[0]
 
 
-def _sheet_of_folder(root: Path, output: str, limits: Limits, at_once: int, roots_only: bool) -> list[Outcome]:
+def _sheet_of_folder(
+    root: Path, output: str, limits: Limits, at_once: int, roots_only: bool, keep: str | None
+) -> list[Outcome]:
     from ...images.image import write_text
+    from ..kept_outcomes import KeptOutcomes
     from ..sheet_pictures import page
     from ..sheet_renders import render_all, stage_files
 
@@ -147,12 +160,15 @@ def _sheet_of_folder(root: Path, output: str, limits: Limits, at_once: int, root
         raise SettingsError("the folder has no stages (usd, usda, usdc, usdz)", where=str(root), code="no-stages")
     _check_output(output, PAGES)
     with tempfile.TemporaryDirectory(prefix="primray-sheet-") as scratch:
-        outcomes = render_all(root, stages, limits, at_once, Path(scratch), _print_outcome)
+        kept = None if keep is None else KeptOutcomes(Path(keep))
+        render = None if kept is None else kept.render
+        outcomes = render_all(root, stages, limits, at_once, Path(scratch), _print_outcome, render)
         write_text(Path(output), page(f"{root.resolve().name}: {len(outcomes)} stages", outcomes))
     _write_json(output, outcomes)
     failed = sum(outcome.failed for outcome in outcomes)
     odd = sum(bool(outcome.marks) for outcome in outcomes) - failed
-    print(f"{output}: {len(outcomes)} stages, {failed} failed, {odd} odd")
+    same = "" if kept is None else f", {kept.found} unchanged"
+    print(f"{output}: {len(outcomes)} stages, {failed} failed, {odd} odd{same}")
     return outcomes
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -100,10 +101,10 @@ def test_roots_only(tmp_path: Path) -> None:
 
 
 def test_the_page_escapes_what_stages_say() -> None:
-    diagnostics = [{"severity": "error", "code": "x", "prim_path": "/a", "message": "<script>"}]
+    diagnostics = [{"severity": "error", "code": "x", "prim_path": "/a", "message": "<script>x"}]
     outcome = Outcome("<b>.usda", 0, 1.0, 2**20, None, "", ("black",), {"diagnostics": diagnostics})
     text = page("a & b", [outcome])
-    assert "<script>" not in text
+    assert "<script>x" not in text
     assert "<b>.usda" not in text
     assert "&lt;b&gt;.usda" in text
 
@@ -127,3 +128,51 @@ def test_usage(arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyP
     if "-w" in arguments:
         (tmp_path / "ball.usda").write_text(BALL)
     assert run(["sheet", *arguments]) == 2
+
+
+@limits_memory
+def test_what_has_not_changed_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "assets"
+    folder.mkdir()
+    (folder / "ball.usda").write_text(BALL)
+    (folder / "broken.usda").write_text("no stage")
+    keep = ["--keep", str(tmp_path / "kept")]
+    first = sheet(folder, *keep)
+    assert "2 stages, 1 failed, 0 odd, 0 unchanged" in capsys.readouterr().out
+    assert sheet(folder, *keep) == first
+    assert "2 stages, 1 failed, 0 odd, 2 unchanged" in capsys.readouterr().out
+    (folder / "ball.usda").write_text(BALL.replace("0.5", "0.6"))
+    text = sheet(folder, *keep)[2]
+    assert "1 unchanged" in capsys.readouterr().out
+    assert text != first[2]
+    assert run(["sheet", str(folder / "ball.usda"), *keep]) == 2
+
+
+def test_search_by_name(tmp_path: Path) -> None:
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("skipped: no chromium")
+    api = pytest.importorskip("playwright.sync_api")
+    names = ["props/Red Chair.usda", "props/table.usda", "sets/red.usda"]
+    made = tmp_path / "sheet.html"
+    made.write_text(page("3 stages", [Outcome(name, 0, 1.0, 2**20, None, "", (), {}) for name in names]))
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu"])
+        shown = browser.new_page()
+        faults: list[str] = []
+        shown.on("pageerror", lambda error: faults.append(str(error)))
+        shown.goto(made.as_uri())
+
+        def seen() -> list[str]:
+            return [str(each.get_attribute("id")) for each in shown.locator("figure").all() if each.is_visible()]
+
+        assert seen() == names
+        for words, found in (("red", [names[0], names[2]]), ("CHAIR props", names[:1]), ("none", []), ("", names)):
+            shown.locator("input").fill(words)
+            assert seen() == found
+            assert shown.locator("output").inner_text() == f"{len(found)} of 3"
+        shown.goto(made.as_uri() + "#search=red%20sets")
+        shown.reload()
+        assert seen() == names[2:]
+        browser.close()
+        assert not faults
