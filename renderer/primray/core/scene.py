@@ -89,6 +89,11 @@ class CoreScene:
         assert self._built is not None
         return self._built
 
+    @property
+    def is_there(self) -> bool:
+        """Return whether nobody has taken the core's scene."""
+        return self._built is not None
+
     def take(self) -> compiled.Scene | None:
         """Return the core's scene for another one to be made of it; this one renders nothing afterwards."""
         scene, self._built = self._built, None

@@ -31,7 +31,7 @@ from ..textures.tile_cache import TileCache, tile_cache
 if TYPE_CHECKING:
     from ..core import CoreScene
     from ..core.surface_upload import KeptImages
-    from ..description import Shape
+    from ..description import Light, Shape
 
     Limits = list[tuple[str, str, str]]
     Counts = tuple[dict[str, int], dict[str, Any] | None]
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 # Fields that decide how finely control cages are diced.
 SHAPED = frozenset({"shapes", "static", "prototypes", "placements"})
 LOOKED_AT = frozenset({"camera", "camera_motion", "exposure", "resolution", "pixels", "pixel_aspect_ratio"})
+NOT_JUDGED = frozenset({"pixels", "aovs"})  # what the test render of a stage without lights leaves out
 
 DISPLACED = frozenset({"surfaces", "time_code"})  # also where materials displace surfaces
 
@@ -63,6 +64,16 @@ class _Built:
     filtered: tuple[Filter, float | None]
     scene: CoreScene
     looks: tuple[int | None, bool]  # the settings that its learnt path guides are valid for
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """Whether a stage that emission lights needs a studio light: the lights that were added, if any, and what was reported."""
+
+    given: SceneDescription
+    asked: tuple[object, ...]
+    added: tuple[Light, ...] | None
+    told: list[Diagnostic]
 
 
 class SharedTranslation:
@@ -113,6 +124,7 @@ class CachedSteps(Steps):
         self._counted: tuple[SceneDescription, float, Counts] | None = None
         self._digests: tuple[SceneDescription, dict[str, str]] | None = None
         self._built: _Built | None = None
+        self._judged: _Judged | None = None
 
     @contextmanager
     def whole(self) -> Iterator[None]:
@@ -200,9 +212,41 @@ class CachedSteps(Steps):
     def add_missing_light(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings, diagnostics: Diagnostics
     ) -> SceneDescription:
+        kept, self._judged = self._judged, None
         if not description.may_need_light:
             return description
-        return super().add_missing_light(description, self._at_hand(textures), settings, diagnostics)
+        asked = settings.max_depth, settings.dicing_rate, settings.studio
+        if kept is not None and kept.asked == asked and not differing_fields(kept.given, description) - NOT_JUDGED:
+            lit = description if kept.added is None else replace(description, lights=kept.added)
+            self._judged = replace(kept, given=description)
+        else:
+            from ..staging import with_studio_where_dark
+
+            told = Diagnostics(diagnostics.shown)
+            lit = with_studio_where_dark(description, settings, told, partial(self._test_scene, textures))
+            self._judged = _Judged(description, asked, None if lit is description else lit.lights, list(told))
+        diagnostics.extend(self._judged.told)
+        return lit
+
+    def _test_scene(self, textures: Textures, small: SceneDescription, quick: RenderSettings) -> CoreScene:
+        """Return the scene of a test render: the kept one, updated, where only what may be updated differs; else a new one.
+
+        The render that follows updates the kept scene again.
+        """
+        from .. import core
+
+        files = _displacing_files(small)
+        diced, _ = core.dice(small, quick, self._at_hand(textures, files) if files else textures)
+        kept, self._built = self._built, None
+        if kept is not None:
+            looks, filtered = (quick.max_depth, quick.is_quick_look), (quick.pixel_filter, quick.filter_width)
+            scene = self._again(kept, diced, filtered, looks, quick)
+            if scene is not None:
+                self._built = _Built(diced, filtered, scene, looks)
+                return scene
+            if kept.scene.is_there:
+                self._built = kept
+        return core.build(diced, dict(self._at_hand(textures)), quick)
 
     def dice(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings
