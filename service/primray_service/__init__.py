@@ -23,6 +23,7 @@
     monitoring.py       logs, metrics, traces
     page/               the web page; main.js describes its folders
     live/               `primray view`: a page that shows a stage, without the service
+    agents/             `primray mcp`: tools by which agents look at stages, without the service
     cli/, client/       `primray serve`, `submit`, ...; the Python client
 
 Five words for the work of a job:

@@ -6,6 +6,7 @@
     admin.py                                    jobs of all tenants, workers, usage, quotas
     farm.py                                     nodes of a Ray cluster and what runs there, without a service
     ../live/command.py                          show a stage in a browser
+    ../agents/command.py                        show stages to agents
     keys.py                                     API keys: over HTTP, or in a data directory for the first one
     connection.py, exits.py, job_text.py        server and key; exit codes; a job in words
 
@@ -26,6 +27,7 @@ COMMANDS = {
     "resume": ("primray_service.cli.jobs:resume", "Resume paused jobs."),
     "retry": ("primray_service.cli.jobs:retry", "Render frames of a job again."),
     "view": ("primray_service.live.command:view", "Show a stage in a browser."),
+    "mcp": ("primray_service.agents.command:mcp", "Show stages to agents, by the Model Context Protocol."),
     "farm": ("primray_service.cli.farm:farm", "Show a Ray cluster's nodes and running chunks."),
     "keys": ("primray_service.cli.keys:keys", "Make, list and revoke API keys."),
     "admin": ("primray_service.cli.admin:admin", "Administer a service: jobs of all tenants, workers, quotas."),

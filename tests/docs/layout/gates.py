@@ -55,6 +55,7 @@ DEFAULT_TIMES = {
     f"{USD}/skinning/bindings.py",  # values that are held as defaults by then
     f"{USD}/skinning/baking.py",  # likewise
 }
+MCP = f"{SERVICE}/agents/server.py"
 RAY = (f"{SERVICE}/executor/ray/driver", f"{SERVICE}/executor/ray/node")
 OBJECTS = {"fsspec", "s3fs", "boto3", "botocore"}
 BLOSC = "renderer/primray/volumes/vdb_values.py"
@@ -115,6 +116,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
                 yield "imports ray outside executor/ray/driver and executor/ray/node: the server has no Ray in its process"
             if root in OBJECTS and path != PurePosixPath(f"{SERVICE}/objects.py"):
                 yield f"imports {root} outside objects.py"
+            if root in ("mcp", "mcp_types") and str(path) != MCP:
+                yield "imports mcp outside agents/server.py"
             if root == "blosc" and str(path) != BLOSC:
                 yield "imports blosc outside volumes/vdb_values.py"
             if root in SQL and not is_under(path, f"{SERVICE}/store"):

@@ -1,0 +1,207 @@
+"""A process for each scene that agents look at: started in the sandbox of the service's workers, each answer within a time.
+
+What takes too long, dies or says nothing sensible is ended, and the next request of the scene starts another process. Those
+that were not used longest are ended where all together hold more memory than they may.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import shutil
+import signal
+import tempfile
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from primray.errors import LimitError, PrimrayError
+
+from ..executor.process import used_by
+from ..sandbox import Budget, worker_spawn
+
+PROGRAM = ("-m", "primray_service.agents.scene_process")
+START_S = 30.0
+MOST_LINE_BYTES = 4 * 2**20
+MOST_WAITING = 16
+MOST_SCENES = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneLimits:
+    memory_bytes: int  # of all processes together; the budget of each
+    threads: int
+    file_bytes: int = 2 * 2**30
+
+
+@dataclass(eq=False)
+class SceneProcess:
+    child: asyncio.subprocess.Process
+    slot: Path
+    turn: asyncio.Lock = field(default_factory=asyncio.Lock)
+    users: int = 0
+
+    @property
+    def out(self) -> Path:
+        return self.slot / "out"
+
+    async def ask(self, request: Mapping[str, Any], seconds: float) -> dict[str, Any]:
+        """Return the answer; raises TimeoutError, EOFError or ValueError where there is none."""
+        assert self.child.stdin is not None
+        self.child.stdin.write(json.dumps(request).encode() + b"\n")
+        async with asyncio.timeout(seconds):
+            await self.child.stdin.drain()
+            return await self.line()
+
+    async def line(self) -> dict[str, Any]:
+        assert self.child.stdout is not None
+        text = await self.child.stdout.readline()
+        if not text:
+            raise EOFError
+        found = json.loads(text)
+        if not isinstance(found, dict):
+            raise ValueError("an answer is an object")
+        return found
+
+    def is_alive(self) -> bool:
+        return self.child.returncode is None
+
+    async def end(self) -> None:
+        if self.child.returncode is None:
+            with suppress(ProcessLookupError):
+                self.child.kill()
+        await self.child.wait()
+        shutil.rmtree(self.slot, ignore_errors=True)
+
+
+class SceneProcesses:
+    """Belongs to the loop of the main thread: children die with the thread that starts them."""
+
+    def __init__(self, roots: Sequence[Path], limits: SceneLimits) -> None:
+        self._roots = [str(root) for root in roots]
+        self._limits = limits
+        self._folder = Path(tempfile.mkdtemp(prefix="primray-mcp-"))
+        self._known: OrderedDict[str, SceneProcess] = OrderedDict()  # used last at the end
+        self._starting = asyncio.Lock()
+        self._waiting = 0
+        self._number = 0
+
+    @property
+    def count(self) -> int:
+        return len(self._known)
+
+    async def answer(self, scene: str, request: Mapping[str, Any], seconds: float, into: Path | None = None) -> dict[str, Any]:
+        """Return what the scene's process answers. PrimrayError with its code and place where it fails; `into`: where the file
+        that the request names goes."""
+        if self._waiting >= MOST_WAITING:
+            raise LimitError(f"{MOST_WAITING} requests are waiting already; repeat this one later", code="busy")
+        self._waiting += 1
+        try:
+            process = await self._process_of(scene)
+            process.users += 1
+            try:
+                async with process.turn:
+                    found = await self._asked(scene, process, request, seconds)
+                    if into is not None and "error" not in found:
+                        await asyncio.to_thread(shutil.copyfile, process.out / request["file"], into)
+                        (process.out / request["file"]).unlink()
+            finally:
+                process.users -= 1
+        finally:
+            self._waiting -= 1
+        await self._shrink()
+        if "error" in found:
+            error = found["error"]
+            raise PrimrayError(str(error["message"]), where=str(error["where"]), code=str(error["code"]))
+        return found
+
+    async def _asked(self, scene: str, process: SceneProcess, request: Mapping[str, Any], seconds: float) -> dict[str, Any]:
+        answered = False
+        try:
+            found = await process.ask(request, seconds)
+            answered = True
+            return found
+        except TimeoutError:
+            raise LimitError(f"there was no answer in {seconds:.0f} s", where=scene, code="time") from None
+        except (EOFError, ValueError, OSError):
+            raise await self._death_of(scene, process) from None
+        finally:
+            if not answered:  # also where the client cancels: the process would answer a question that nobody asks any more
+                await self._forget(scene, process)
+
+    async def _death_of(self, scene: str, process: SceneProcess) -> PrimrayError:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(2):
+                await process.child.wait()
+        code = process.child.returncode
+        signalled = code is not None and (code < 0 or code > 128)
+        name = signal.Signals(-code if code < 0 else code - 128).name if signalled and code is not None else f"status {code}"
+        sentence = f"the scene's process ended with {name}; it may need more than its memory, or its files are damaged"
+        return PrimrayError(sentence, where=scene, code="scene-process")
+
+    async def _process_of(self, scene: str) -> SceneProcess:
+        async with self._starting:
+            found = self._known.get(scene)
+            if found is not None and found.is_alive():
+                self._known.move_to_end(scene)
+                return found
+            if found is not None:
+                await self._forget(scene, found)
+            while len(self._known) >= MOST_SCENES and await self._end_oldest():
+                pass
+            process = self._known[scene] = await self._started(scene)
+            return process
+
+    async def _started(self, scene: str) -> SceneProcess:
+        self._number += 1
+        slot = self._folder / str(self._number)
+        for name in ("job", "out"):
+            (slot / name).mkdir(parents=True, mode=0o700)
+        limits = self._limits
+        budget = Budget(memory_bytes=limits.memory_bytes, threads=limits.threads, file_bytes=limits.file_bytes)
+        spawn = worker_spawn(slot, budget, PROGRAM, roots=self._roots)
+        pipe = asyncio.subprocess.PIPE
+        child = await asyncio.create_subprocess_exec(
+            *spawn.argv, env=spawn.env, cwd=spawn.cwd, stdin=pipe, stdout=pipe, start_new_session=True, limit=MOST_LINE_BYTES
+        )
+        process = SceneProcess(child, slot)
+        try:
+            async with asyncio.timeout(START_S):
+                await process.line()
+        except BaseException as error:
+            await process.end()
+            if isinstance(error, TimeoutError | EOFError | ValueError):
+                sentence = "the scene's process cannot be started in its sandbox"
+                raise PrimrayError(sentence, where=scene, code="scene-process") from None
+            raise
+        return process
+
+    async def _shrink(self) -> None:
+        """End processes that were not used longest, until the rest hold no more than they may."""
+        while sum(self._held(process) for process in self._known.values()) > self._limits.memory_bytes:
+            if not await self._end_oldest():
+                return
+
+    def _held(self, process: SceneProcess) -> int:
+        return used_by(process.child.pid).rss_bytes
+
+    async def _end_oldest(self) -> bool:
+        """End the process that was not used longest, if it is idle and not the last one; return whether there was one."""
+        for scene, process in list(self._known.items())[:-1] if len(self._known) > 1 else []:
+            if not process.users:
+                await self._forget(scene, process)
+                return True
+        return False
+
+    async def _forget(self, scene: str, process: SceneProcess) -> None:
+        if self._known.get(scene) is process:
+            del self._known[scene]
+        await process.end()
+
+    async def close(self) -> None:
+        for scene, process in list(self._known.items()):
+            await self._forget(scene, process)
+        shutil.rmtree(self._folder, ignore_errors=True)

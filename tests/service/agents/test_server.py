@@ -1,0 +1,310 @@
+"""`primray mcp` by the SDK's client: in its process, over stdio and over HTTP."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from primray_service.sandbox import works
+
+pytest.importorskip("mcp", reason="no mcp")
+if not works():
+    pytest.skip("no sandbox", allow_module_level=True)
+
+import mcp
+from mcp.client.stdio import StdioServerParameters, stdio_client
+
+from primray_service.agents import looks
+from primray_service.agents.scene_processes import SceneLimits, SceneProcesses
+from primray_service.agents.server import Access, create_server
+
+from .conftest import STAGE, Answer, read
+
+GiB = 2**30
+PRIMRAY = [str(Path(sys.executable).with_name("primray")), "mcp"]
+
+
+def _run(folder: Path, calls: Callable[[mcp.Client], Awaitable[None]], memory: int = 2 * GiB) -> None:
+    output = folder.parent / "out"
+    output.mkdir(exist_ok=True)
+
+    async def run() -> None:
+        app = create_server(Access(roots=(folder.resolve(),), output=output), SceneLimits(memory_bytes=memory, threads=2))
+        async with mcp.Client(app) as client:
+            await calls(client)
+
+    asyncio.run(run())
+
+
+async def _refused(client: mcp.Client, tool: str, **arguments: Any) -> str:
+    result = await client.call_tool(tool, arguments)
+    assert result.is_error
+    return " ".join(item.text for item in result.content if item.type == "text")
+
+
+async def _asked(client: mcp.Client, tool: str, **arguments: Any) -> Answer:
+    return read(await client.call_tool(tool, arguments))
+
+
+def test_a_look_says_what_is_seen_where(folder: Path) -> None:
+    async def calls(client: mcp.Client) -> None:
+        found = await _asked(client, "look", scene="toys.usda", views=["default", "top"], size=256)
+        default, top = found.table["views"]
+        assert default["camera"] == "/world/camera"
+        rows = {row["prim"]: row for row in default["seen"]}
+        assert rows["/world/ball"]["label"] == "toy"
+        assert "label" not in rows["/world/box"]
+        assert rows["/world/ball"]["middle"][0] < default["size"][0] / 2 < rows["/world/box"]["middle"][0]
+        assert 9 < rows["/world/ball"]["distance"] < 13
+        shares = sum(row["share_percent"] for row in default["seen"]) + default["background_percent"]
+        assert shares == pytest.approx(100, abs=0.1)
+        assert 20 < top["background_percent"] < 60
+        assert top["camera"] == ""
+        assert set(found.pictures) == {"default", "top"}
+        for content in found.pictures.values():
+            assert len(content) <= 250_000
+            assert content[:4] in (b"\x89PNG", b"\xff\xd8\xff\xe0")
+
+    _run(folder, calls)
+
+
+def test_an_edit_is_compared_with_the_last_look(folder: Path) -> None:
+    async def calls(client: mcp.Client) -> None:
+        stage = folder / "toys.usda"
+        refusal = await _refused(client, "compare", scene="toys.usda", size=192)
+        assert "no-look-before" in refusal
+        await _asked(client, "look", scene="toys.usda", size=192, seconds=3)
+        same = await _asked(client, "compare", scene="toys.usda", size=192)
+        assert same.table["identical"]
+        assert same.table["verdict"] == "unchanged"
+        assert same.table["prims"] == []
+        stage.write_text(STAGE.replace("(0.8, 0.1, 0.1)", "(0.1, 0.8, 0.1)").replace("(1.5, 0, 0.8)", "(2.5, 0, 0.8)"))
+        found = await _asked(client, "compare", scene="toys.usda", size=192)
+        assert found.table["verdict"] == "changed"
+        rows = {row["prim"]: row for row in found.table["prims"]}
+        assert rows["/world/ball"]["seen_percent_before"] == rows["/world/ball"]["seen_percent_after"] > 0
+        assert rows["/world/ball"]["changed_percent_of_picture"] > 0.5
+        assert rows["/world/box"]["changed_percent_of_picture"] > 0.2
+        assert set(found.pictures) == {"before", "after", "changes"}
+        again = await _asked(client, "compare", scene="toys.usda", size=192)
+        assert again.table["identical"]  # the last one shown is what the next is compared with
+
+    _run(folder, calls)
+
+
+def test_two_stages_are_compared(folder: Path) -> None:
+    (folder / "bright.usda").write_text(STAGE.replace("intensity = 3", "intensity = 6"))
+
+    async def calls(client: mcp.Client) -> None:
+        found = await _asked(client, "compare", scene="bright.usda", before="toys.usda", size=192)
+        assert found.table["verdict"] == "changed"
+        rows = {row["prim"]: row for row in found.table["prims"]}
+        # relative to the mean of both, which is half as much again as before
+        assert rows["/world/ground"]["brighter_percent"] == pytest.approx(100 / 1.5, abs=1)
+
+    _run(folder, calls)
+
+
+def test_stages_are_inspected_examined_estimated_and_rendered(folder: Path) -> None:
+    async def calls(client: mcp.Client) -> None:
+        facts = (await _asked(client, "inspect", scene="toys.usda")).table
+        assert facts["cameras"] == ["/world/camera"]
+        assert facts["lights"][0]["path"] == "/world/sun"
+        findings = (await _asked(client, "doctor", scene="toys.usda", size=96, seconds=0.3)).table
+        assert findings["picture"]["hit_share"] > 0.1
+        costs = (await _asked(client, "estimate", scene="toys.usda", target_errors=[0.01], size=96, seconds=0.3)).table
+        assert len(costs["targets"]) == 1
+        made = await _asked(client, "render", scene="toys.usda", name="toys", size=128, target_error=0.05, seconds=20)
+        assert Path(made.table["file"]).read_bytes()[:4] == b"\x76\x2f\x31\x01"
+        assert set(made.pictures) == {"render"}
+
+    _run(folder, calls)
+
+
+def test_refusals_have_a_code_and_a_place(folder: Path) -> None:
+    (folder.parent / "secret.usda").write_text(STAGE)
+    (folder / "broken.usda").write_text("#usda 1.0\ndef {")
+    (folder / "link.usda").symlink_to(folder.parent / "secret.usda")
+
+    async def calls(client: mcp.Client) -> None:
+        for path in ("../secret.usda", str(folder.parent / "secret.usda"), "link.usda", "/etc/passwd"):
+            assert re.search(r"outside-roots: .* \[scene\]", await _refused(client, "look", scene=path)), path
+        assert "no-such-stage" in await _refused(client, "look", scene="none.usda")
+        assert re.search(r"stage-open: .*broken", await _refused(client, "look", scene="broken.usda"))
+        assert re.search(r"\[/nosuch\]|nosuch", await _refused(client, "look", scene="toys.usda", views=["/nosuch"]))
+        assert "extra_forbidden" in await _refused(client, "look", scene="toys.usda", sise=3)
+        assert "less than or equal to 768" in await _refused(client, "look", scene="toys.usda", size=5000)
+        assert "time:" in await _refused(client, "render", scene="toys.usda", name="x", seconds=1e6)
+        assert "nothing-to-frame" in await _refused(client, "look", scene="toys.usda", views=["top"], frame="/nosuch")
+        (folder / "broken.usda").write_text(STAGE)  # mended
+        await _asked(client, "look", scene="broken.usda", size=64)
+
+    _run(folder, calls)
+
+
+def test_a_stage_in_a_root_cannot_show_files_outside(folder: Path) -> None:
+    """The sandbox holds whatever composition follows, not only the path that is given."""
+    (folder.parent / "secret.usda").write_text(STAGE)
+    (folder / "thief.usda").write_text('#usda 1.0\n(\n    subLayers = [@../secret.usda@]\n)\ndef Cube "own" {}\n')
+
+    async def calls(client: mcp.Client) -> None:
+        found = await _asked(client, "look", scene="thief.usda", size=64)
+        assert [row["prim"] for row in found.table["views"][0]["seen"]] == ["/own"]
+        assert any("secret" in str(note) for note in found.table["diagnostics"])
+
+    _run(folder, calls)
+
+
+def _inspect(path: str) -> dict[str, Any]:
+    return {"do": "inspect", "path": path, "time_code": None, "camera": None, "variants": [], "seconds": 1}
+
+
+def test_a_scene_whose_process_dies_costs_one_answer(folder: Path) -> None:
+    async def calls() -> None:
+        scenes = SceneProcesses([folder.resolve()], SceneLimits(memory_bytes=2 * GiB, threads=2))
+        path = str(folder / "toys.usda")
+        request = _inspect(path)
+        await scenes.answer(path, request, 60)
+        (process,) = scenes._known.values()
+        asking = asyncio.create_task(scenes.answer(path, {**request, "do": "doctor", "size": 256, "seconds": 20}, 60))
+        await asyncio.sleep(1)
+        os.killpg(process.child.pid, signal.SIGKILL)
+        with pytest.raises(Exception, match="scene-process"):
+            await asking
+        assert (await scenes.answer(path, request, 60))["answer"]["cameras"] == ["/world/camera"]
+        with pytest.raises(Exception, match="time: there was no answer"):
+            await scenes.answer(path, {**request, "do": "doctor", "size": 256, "seconds": 20}, 0.2)
+        assert scenes.count == 0
+        await scenes.close()
+
+    asyncio.run(calls())
+
+
+def test_scenes_that_were_not_used_longest_end_for_memory(folder: Path) -> None:
+    (folder / "second.usda").write_text(STAGE)
+
+    async def calls() -> None:
+        scenes = SceneProcesses([folder.resolve()], SceneLimits(memory_bytes=2 * GiB, threads=1))
+        for name in ("toys.usda", "second.usda"):
+            path = str(folder / name)
+            request = _inspect(path)
+            await scenes.answer(path, request, 60)
+        assert scenes.count == 2
+        held = sum(scenes._held(process) for process in scenes._known.values())
+        scenes._limits = SceneLimits(memory_bytes=held - 1, threads=1)
+        await scenes.answer(path, request, 60)
+        assert list(scenes._known) == [path]
+        await scenes.close()
+
+    asyncio.run(calls())
+
+
+def test_tables_are_bounded() -> None:
+    cut = looks.bounded({"many": list(range(1000)), "long": "x" * 5000, "nan": float("nan")})
+    assert len(cut["many"]) == looks.MOST_ROWS + 1
+    assert cut["many"][-1] == f"{1000 - looks.MOST_ROWS} more"
+    assert len(cut["long"]) < 500
+    assert cut["nan"] is None
+
+
+def test_pictures_are_bounded() -> None:
+    import numpy as np
+
+    noise = np.random.default_rng(0).integers(0, 255, (768, 768, 3)).astype(np.uint8)
+    found = looks.pictures_of(dict.fromkeys("abcdef", noise))
+    assert sum(len(one["data"]) for one in found) < 2**20
+    assert looks.pictures_of({"a": noise})[0]["type"] == "image/jpeg"
+    assert looks.pictures_of({"a": np.zeros((64, 64, 3), np.uint8)})[0]["type"] == "image/png"
+
+
+@asynccontextmanager
+async def _over_http(folder: Path) -> AsyncIterator[mcp.Client]:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    child = subprocess.Popen([*PRIMRAY, "--root", str(folder), "--http", "--port", str(port)], stderr=subprocess.DEVNULL)
+    try:
+        for _ in range(600):
+            with socket.socket() as trial:
+                if trial.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            await asyncio.sleep(0.1)
+        async with mcp.Client(f"http://127.0.0.1:{port}/mcp") as client:
+            yield client
+    finally:
+        child.send_signal(signal.SIGTERM)
+        assert child.wait(30) in (0, -signal.SIGTERM)
+
+
+@asynccontextmanager
+async def _over_stdio(folder: Path) -> AsyncIterator[mcp.Client]:
+    parameters = StdioServerParameters(command=PRIMRAY[0], args=[*PRIMRAY[1:], "--root", str(folder)])
+    async with mcp.Client(stdio_client(parameters)) as client:
+        yield client
+
+
+@pytest.mark.parametrize("over", [_over_stdio, _over_http])
+def test_the_command_serves(folder: Path, over: Any) -> None:
+    async def calls() -> None:
+        async with over(folder) as client:
+            tools = {tool.name: tool for tool in (await client.list_tools()).tools}
+            assert set(tools) == {"look", "inspect", "doctor", "compare", "estimate", "render"}
+            assert all(tool.input_schema["additionalProperties"] is False for tool in tools.values())
+            first = await _asked(client, "look", scene="toys.usda", size=128)
+            assert first.table["views"][0]["seen"]
+            begun = time.monotonic()
+            await _asked(client, "look", scene="toys.usda", size=128)
+            print(f"a look at a known stage {time.monotonic() - begun:.3f} s")
+            assert "stage-open" in await _refused(client, "look", scene=_broken(folder))
+
+    asyncio.run(calls())
+
+
+def _broken(folder: Path) -> str:
+    path = folder / "broken.usda"
+    path.write_text("#usda 1.0\ndef {")
+    return path.name
+
+
+def test_stdout_holds_nothing_but_the_protocol(folder: Path) -> None:
+    hello = {
+        "jsonrpc": "2.0",
+        "id": 1,
+        "method": "initialize",
+        "params": {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "test", "version": "1"}},
+    }
+    call = {
+        "jsonrpc": "2.0",
+        "id": 2,
+        "method": "tools/call",
+        "params": {"name": "look", "arguments": {"scene": "toys.usda", "size": 64}},
+    }
+    child = subprocess.Popen(
+        [*PRIMRAY, "--root", str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    assert child.stdin is not None
+    assert child.stdout is not None
+    child.stdin.write(json.dumps(hello) + "\n")
+    child.stdin.flush()
+    lines = [child.stdout.readline()]
+    child.stdin.write(json.dumps({"jsonrpc": "2.0", "method": "notifications/initialized"}) + "\n" + json.dumps(call) + "\n")
+    child.stdin.flush()
+    while not any('"id":2' in line.replace(" ", "") for line in lines):
+        lines.append(child.stdout.readline())
+    rest, _ = child.communicate(timeout=60)
+    assert child.returncode == 0
+    for line in [*lines, *rest.splitlines()]:
+        assert json.loads(line)["jsonrpc"] == "2.0"
