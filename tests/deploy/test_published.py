@@ -42,6 +42,75 @@ def test_nothing_in_a_workflow_is_unsafe() -> None:
     checked_by("zizmor", "--offline", "--no-progress", *WORKFLOWS)
 
 
+def test_the_action_is_valid_and_safe(tmp_path: Path) -> None:
+    """GitHub's schema and zizmor accept the composite action and the workflows that docs/pull-requests.md shows."""
+    checked_by("check-jsonschema", "--builtin-schema", "vendor.github-actions", ROOT / "action.yml")
+    checked_by("zizmor", "--offline", "--no-progress", ROOT / "action.yml")
+    shown = _shown_workflows(tmp_path)
+    assert len(shown) == 2
+    checked_by("check-jsonschema", "--builtin-schema", "vendor.github-workflows", *shown)
+    checked_by("zizmor", "--offline", "--no-progress", shown[0])
+    # The second is of workflow_run, which zizmor warns of whatever it does: it may run nothing of the first.
+    checked_by("zizmor", "--offline", "--no-progress", "--config", _accepting_workflow_run(tmp_path), shown[1])
+    assert "uses:" not in shown[1].read_text(encoding="utf-8")
+
+
+def _shown_workflows(folder: Path) -> list[Path]:
+    """The YAML of docs/pull-requests.md that names a workflow's file, written below a folder."""
+    found = []
+    text = (ROOT / "docs/pull-requests.md").read_text(encoding="utf-8")
+    for name, body in re.findall(r"```yaml\n# (\.github/workflows/\S+)\n(.*?)```", text, re.DOTALL):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(body.replace("OWNER/primray@COMMIT", f"owner/primray@{'0' * 40}"), encoding="utf-8")
+        found.append(path)
+    return found
+
+
+def _accepting_workflow_run(folder: Path) -> Path:
+    path = folder / "zizmor.yml"
+    path.write_text("rules:\n  dangerous-triggers:\n    ignore: [pictures-comment.yml]\n", encoding="utf-8")
+    return path
+
+
+def test_no_input_of_the_action_is_an_expression_in_a_script() -> None:
+    action = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
+    for step in action["runs"]["steps"]:
+        assert step["shell"] == "bash"
+        assert "${{" not in step["run"]
+
+
+@pytest.mark.parametrize(
+    ("code", "fails", "ends"),
+    [(0, "true", 0), (1, "false", 0), (1, "true", 1), (6, "true", 6), (3, "false", 3), (2, "false", 2)],
+)
+def test_the_actions_script_ends_as_it_says(code: int, fails: str, ends: int, tmp_path: Path) -> None:
+    """Its script runs with a stand-in for primray that prints its arguments; nothing in an input is run by the shell."""
+    action = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
+    script = next(step["run"] for step in action["runs"]["steps"] if step.get("id") == "compare")
+    program = tmp_path / "bin/primray"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > "{tmp_path}/words"\nexit {code}\n')
+    program.chmod(0o755)
+    given = {"BASE": "", "EVENT_BASE": "abc", "STAGES": "a b/*.usda\n$(touch x)\n", "WIDTH": "64", "SPP": "4", "OUTPUT": "out"}
+    environment = {**given, "FAIL_ON_CHANGE": fails, "PATH": f"{program.parent}:/usr/bin:/bin"}
+    environment |= {"GITHUB_OUTPUT": str(tmp_path / "output"), "GITHUB_STEP_SUMMARY": str(tmp_path / "summary")}
+    done = subprocess.run(["bash", "-e", "-o", "pipefail", "-c", script], cwd=tmp_path, env=environment, check=False)
+    assert done.returncode == ends
+    words = (tmp_path / "words").read_text().splitlines()
+    assert words[-4:] == ["--stage=a b/*.usda", "--stage=$(touch x)", "--", "abc"]
+    assert (tmp_path / "output").read_text() == f"exit-code={code}\n"
+    assert not (tmp_path / "x").exists()
+
+
+def test_the_hook_runs_a_command_that_there_is() -> None:
+    (hook,) = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text(encoding="utf-8"))
+    assert hook["entry"] == "primray ci --staged"
+    assert hook["pass_filenames"] is False
+    for name in ("a.usda", "b/c.usdz", "d.png", "m.mtlx"):
+        assert re.search(hook["files"], name), name
+
+
 @pytest.mark.long
 def test_their_expressions_and_scripts_are_right() -> None:
     """actionlint, which Go compiles first, has no complaint."""

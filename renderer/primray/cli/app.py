@@ -24,6 +24,7 @@ from ..errors import SettingsError
 from ..file_formats import SUFFIXES as OTHER_SUFFIXES
 from ..settings import RenderSettings, rows
 from ..settings.setting import Flag
+from .commands.ci import ci
 from .commands.compare import compare
 from .commands.doctor import doctor
 from .commands.estimate import estimate
@@ -232,6 +233,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "sheet": sheet,
     "thumbnail": thumbnail,
     "compare": compare,
+    "ci": ci,
     "doctor": doctor,
 }
 for _name, _command in _COMMANDS.items():

@@ -120,28 +120,28 @@ def _pictures(evidence: Path) -> tuple[str, Flip | None]:
     before, after = _shown(reference, made)
     seen = flip(reference, made) if has_flip() else None
     figures = [
-        _figure("reference", [before]),
-        _figure("picture; the reference while it is pointed at", [after, before]),
-        _figure(NOISE_CAPTION, [_file(evidence / "difference.png")]),
-        _figure(
+        figure("reference", [before]),
+        figure("picture; the reference while it is pointed at", [after, before]),
+        figure(NOISE_CAPTION, [_file(evidence / "difference.png")]),
+        figure(
             f"relative difference, white {FULL_DIFFERENCE:.0%} and more",
-            [_png(_heat(_relative(reference, made) / FULL_DIFFERENCE))],
+            [png(heat(_relative(reference, made) / FULL_DIFFERENCE))],
         ),
     ]
     if seen is not None:
-        figures.append(_figure("FLIP, white 1", [_png(_heat(seen.errors))]))
+        figures.append(figure("FLIP, white 1", [png(heat(seen.errors))]))
     return "".join(figures), seen
 
 
 def _views(evidence: Path, suffix: str) -> str:
     """Return the figures of a comparison of display pictures, which are shown unchanged."""
     reference, made = (read_measured(next(evidence.glob(f"{name}{suffix}"))) for name in ("reference", "render"))
-    before, after = (_png((np.clip(i.pixels, 0, 1) * 255 + 0.5).astype(np.uint8)) for i in (reference, made))
+    before, after = (png((np.clip(i.pixels, 0, 1) * 255 + 0.5).astype(np.uint8)) for i in (reference, made))
     return "".join(
         [
-            _figure("reference", [before]),
-            _figure("picture; the reference while it is pointed at", [after, before]),
-            _figure(NOISE_CAPTION, [_file(evidence / "difference.png")]),
+            figure("reference", [before]),
+            figure("picture; the reference while it is pointed at", [after, before]),
+            figure(NOISE_CAPTION, [_file(evidence / "difference.png")]),
         ]
     )
 
@@ -151,7 +151,7 @@ def _shown(reference: MeasuredImage, made: MeasuredImage) -> tuple[str, str]:
     space = space_of(reference.chromaticities)
     whole = [np.concatenate([i.pixels, np.ones((*i.pixels.shape[:2], 1), np.float32)], axis=2) for i in (reference, made)]
     stops = exposure_that_serves(whole[0], View(space=space))
-    before, after = (_png(encode(pixels, exposure=stops, space=space)) for pixels in whole)
+    before, after = (png(encode(pixels, exposure=stops, space=space)) for pixels in whole)
     return before, after
 
 
@@ -164,20 +164,20 @@ def _relative(reference: MeasuredImage, made: MeasuredImage) -> Floats:
     return found
 
 
-def _heat(values: Floats) -> Bytes:
+def heat(values: Floats) -> Bytes:
     """Return colours (H, W, 3) from black over red and yellow to white for values in 0 to 1."""
     share = np.clip(np.nan_to_num(values), 0, 1)[..., None] * 3
     made: Bytes = (np.clip(share - np.arange(3), 0, 1) * 255 + 0.5).astype(np.uint8)
     return made
 
 
-def _figure(caption: str, images: Sequence[str]) -> str:
+def figure(caption: str, images: Sequence[str]) -> str:
     tags = "".join(f'<img alt="{escape(caption)}" src="{source}">' for source in images)
     over = f"<div class=over tabindex=0>{tags}</div>" if len(images) > 1 else tags
     return f"<figure>{over}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
-def _png(pixels: Bytes) -> str:
+def png(pixels: Bytes) -> str:
     step = -(-max(pixels.shape[:2]) // MOST_PIXELS)
     if step > 1:
         height, width = (size // step for size in pixels.shape[:2])

@@ -11,6 +11,7 @@ from .camera.camera import nearest_of
 from .camera.framed_objects import framed_bounds
 from .camera.session_camera import camera_layer, has_camera, is_session_camera, place_camera
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
+from .inspect.layer_edits import Edit, edits_between, files_named, made_alone, readable_layer, sampled_times, used_layer
 from .inspect.prim_identity import assets_of, labels_of, names_in_instances
 from .inspect.scene_facts import stage_facts
 from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
@@ -27,6 +28,7 @@ from .translate import camera_paths, translate
 
 __all__ = [
     "Dependencies",
+    "Edit",
     "ProductSettings",
     "RenderVariable",
     "assets_of",
@@ -37,6 +39,8 @@ __all__ = [
     "check_preview",
     "count_undrawn_shapes",
     "dependencies",
+    "edits_between",
+    "files_named",
     "files_to_watch",
     "framed_bounds",
     "has_camera",
@@ -44,6 +48,7 @@ __all__ = [
     "labels_of",
     "layer_files",
     "limit_threads",
+    "made_alone",
     "named_product",
     "names_in_instances",
     "nearest_of",
@@ -55,12 +60,15 @@ __all__ = [
     "place_camera",
     "products",
     "read_asset",
+    "readable_layer",
     "reload_layers",
+    "sampled_times",
     "stage_facts",
     "stage_name",
     "translate",
     "undrawn_shapes",
     "used_files",
+    "used_layer",
     "world_box",
     "write_usdz",
     "write_with_preview",

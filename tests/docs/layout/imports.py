@@ -35,7 +35,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
     "translation": ("textures", "tessellation", "usd"),
     "core": ("core",),
     "rendering": ("sampling", "staging", "images", "denoising", "report", "checkpoints", "distributed", "render"),
-    "tools": ("diagnosis", "incremental", "live", "compare"),
+    "tools": ("diagnosis", "incremental", "live", "compare", "ci"),
     "command line": ("cli",),
 }
 

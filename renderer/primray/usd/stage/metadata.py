@@ -182,6 +182,13 @@ def layer_default_prim(layer: Sdf.Layer) -> str | None:
     return found or None if isinstance(found, str) else None
 
 
+def spec_field(spec: Sdf.Spec, field: str) -> Any:
+    """Return a field of a spec; None where it has none."""
+    if field == "subLayerOffsets":  # USD has no conversion of the list to Python
+        return [(each.offset, each.scale) for each in spec.layer.subLayerOffsets]
+    return spec.GetInfo(field) if spec.HasInfo(field) else None
+
+
 def has_expression_variables(layer: Sdf.Layer) -> bool:
     try:
         return bool(layer.expressionVariables)

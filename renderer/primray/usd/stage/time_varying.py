@@ -68,6 +68,16 @@ def has_time_values(attribute: Usd.Attribute) -> bool:
     return bool(attribute.GetNumTimeSamples()) or has_spline(attribute)
 
 
+def sample_times(attribute: Usd.Attribute) -> list[float]:
+    """Return the stage times of the attribute's samples."""
+    return list(attribute.GetTimeSamples())
+
+
+def layer_times(layer: Sdf.Layer, path: Sdf.Path) -> list[float]:
+    """Return the layer's own times of the samples of a spec."""
+    return list(layer.ListTimeSamplesForPath(path))
+
+
 def has_spline(attribute: Usd.Attribute) -> bool:
     return bool(attribute.HasSpline())
 

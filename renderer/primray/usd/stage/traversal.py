@@ -163,6 +163,13 @@ def prims_in(layer: Sdf.Layer) -> list[Sdf.Path]:
     return [path for path in found if path.IsPrimPath()]
 
 
+def specs_in(layer: Sdf.Layer) -> list[Sdf.Path]:
+    """Return the paths of all specs of a layer, those in variants and targets included."""
+    found: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, found.append)
+    return found
+
+
 def attributes_in(layer: Sdf.Layer, root: Sdf.Path) -> list[Sdf.AttributeSpec]:
     """Return the attribute specs that a layer has at a prim and below it."""
     found: list[Sdf.Path] = []

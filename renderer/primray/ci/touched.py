@@ -1,0 +1,76 @@
+"""The stages that a change reaches, by what their layers name on either side."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path
+
+from ..usd import files_named
+from .repository import Change, Sides
+
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+
+
+@dataclass(frozen=True)
+class Touched:
+    """A stage that a change reaches. `path` is relative to the repository."""
+
+    path: str
+    changes: tuple[Change, ...]
+    files: frozenset[str]  # all that it names on either side, relative
+
+
+@dataclass(frozen=True)
+class Reach:
+    """`unreadable`: changed layers that cannot be parsed after the change; `unused`: changed files that no stage names."""
+
+    stages: tuple[Touched, ...]
+    left_out: int  # stages beyond the most that were asked for
+    unreadable: tuple[str, ...]
+    unused: tuple[str, ...]
+
+
+def reach(sides: Sides, patterns: Sequence[str], most: int) -> Reach:
+    """Return the stages that are touched: those that match a pattern, or else those that no other stage names."""
+    named: dict[str, set[str]] = {}
+    unreadable: set[str] = set()
+    for side in (sides.before, sides.after):
+        for path in _stage_files(side):
+            found, broken = files_named(str(side / path))
+            named.setdefault(path, set()).update(_relative(found, side))
+            if side is sides.after:
+                unreadable |= _relative(broken, side)
+    inner = {file for path, files in named.items() for file in files - {path}}
+    roots = [p for p in sorted(named) if any(fnmatch(p, each) for each in patterns)] if patterns else []
+    if not patterns:
+        roots = [path for path in sorted(named) if path not in inner]
+    touched = []
+    for path in roots:
+        met = tuple(change for change in sides.changes if change.paths & named[path])
+        if met:
+            touched.append(Touched(path, met, frozenset(named[path])))
+    changed = {path for change in sides.changes for path in change.paths}
+    used = {path for stage in touched for path in stage.files}
+    return Reach(
+        tuple(touched[:most]),
+        max(0, len(touched) - most),
+        tuple(sorted(unreadable & changed)),
+        tuple(sorted(changed - used)),
+    )
+
+
+def _stage_files(side: Path) -> list[str]:
+    found = []
+    for folder, folders, names in os.walk(side):
+        folders[:] = sorted(name for name in folders if name != ".git" and not name.startswith("."))
+        found += [os.path.relpath(os.path.join(folder, name), side) for name in names if name.lower().endswith(USD_SUFFIXES)]
+    return sorted(found)
+
+
+def _relative(files: set[str], side: Path) -> set[str]:
+    root = os.path.realpath(side)
+    real = (os.path.realpath(file) for file in files)
+    return {os.path.relpath(file, root) for file in real if file.startswith(root + os.sep)}
