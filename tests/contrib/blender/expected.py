@@ -1,0 +1,72 @@
+"""How pictures of the add-on compare with Cycles': the figures that tests hold and docs/blender.md shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Expected:
+    """The mean's relative difference and its tolerance, the mean difference of pixels, and codes of notes."""
+
+    mean: float = 0.0
+    tolerance: float = 0.004
+    each: float = 0.01
+    notes: tuple[str, ...] = ()
+
+
+EXPECTED: dict[str, dict[str, Expected]] = {
+    "lamps": {
+        "point": Expected(),
+        "point of no size": Expected(),
+        "point, scaled": Expected(),
+        "coloured": Expected(),
+        "square": Expected(),
+        "rectangle, turned": Expected(),
+        "disk, scaled": Expected(),
+        "ellipse": Expected(),
+        "spread": Expected(),
+        "sun": Expected(),
+        "spot, hard": Expected(),
+        "spot, soft": Expected(),
+    },
+    "worlds": {
+        "constant": Expected(),
+        "image": Expected(),
+        "image, strong": Expected(),
+        "image, turned": Expected(),
+        "image, tilted": Expected(),
+        "other nodes": Expected(notes=("world-baked",)),
+    },
+    "cameras": {
+        "perspective": Expected(),
+        "shifted": Expected(),
+        "portrait": Expected(),
+        "orthographic": Expected(),
+        "equirectangular": Expected(),
+        "fisheye": Expected(tolerance=0.01, each=0.02),
+        "equisolid": Expected(tolerance=0.01, each=0.02),
+    },
+    "surfaces": {
+        "default": Expected(),
+        "rough": Expected(),
+        "metal": Expected(each=0.02),
+        "specular level": Expected(),
+        "alpha": Expected(),
+        "sheen": Expected(),
+        "emission": Expected(),
+        "coat": Expected(-0.046, 0.01, 0.08),
+        "transmission": Expected(-0.006, 0.01, 0.04),
+        "anisotropic": Expected(-0.015, 0.02, 0.4),
+        "subsurface": Expected(0.052, 0.015, 0.09),
+    },
+    "shaders": {
+        "Diffuse BSDF": Expected(),
+        "Emission": Expected(),
+        "Glass BSDF": Expected(0.022, 0.01, 0.08),
+        "Mix Shader with Transparent BSDF": Expected(),
+    },
+    "instances": {"geometry nodes": Expected(each=0.02), "collections": Expected()},
+    "curves": {"a curve with a bevel": Expected(), "a curve without one": Expected()},
+    "hair": {"hair of particles": Expected(-0.09, 0.03, 0.2)},
+}

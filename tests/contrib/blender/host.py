@@ -1,0 +1,88 @@
+"""Blender as a Python module, in processes of its own: an abort fails one test.
+
+Found by PRIMRAY_BPY, an environment with bpy, or in build/bpy, where .ci/run makes one. Blender is GPL: nothing here
+imports it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+ROOT = Path(__file__).parents[3]
+ADDON = ROOT / "contrib/blender"
+VARIABLE = "PRIMRAY_BPY"
+SCENES = Path(__file__).with_name("scenes.py")
+TIMEOUT_S = 600
+
+
+def python() -> Path:
+    """Return the interpreter that has bpy; skips the test where there is none."""
+    found = Path(os.environ.get(VARIABLE) or ROOT / "build/bpy", "bin/python")
+    if not found.exists():
+        pytest.skip("skipped: no bpy")
+    return found
+
+
+def environment(folder: Path) -> dict[str, str]:
+    """Return the variables of a Blender whose preferences and extensions are in `folder`."""
+    own = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "BLENDER"))}
+    return own | {"BLENDER_USER_RESOURCES": str(folder / "blender")}
+
+
+@cache
+def extension_command() -> Path:
+    """Return Blender's own command for extensions, which runs without Blender."""
+    found = list(
+        Path(python()).parents[1].glob("lib/python*/site-packages/bpy/*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
+    )
+    assert found, "bpy has no command for extensions"
+    return found[0]
+
+
+def build(folder: Path) -> Path:
+    """Build the extension's zip."""
+    folder.mkdir(parents=True, exist_ok=True)
+    words = [str(python()), str(extension_command()), "build", "--source-dir", str(ADDON), "--output-dir", str(folder)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (found,) = folder.glob("primray-*.zip")
+    return found
+
+
+def run(job: str, folder: Path, **values: Any) -> list[dict[str, Any]]:
+    """Run a job of scenes.py with the extension installed. Returns the rows that it says, those before an abort too."""
+    request = {"zip": str(build(folder / "dist")), "python": sys.executable, "folder": str(folder), **values}
+    words = [str(python()), str(SCENES), job, json.dumps(request)]
+    done = subprocess.run(words, env=environment(folder), capture_output=True, text=True, timeout=TIMEOUT_S)
+    (folder / f"{job}.log").write_text(done.stdout + done.stderr)
+    rows = [json.loads(line[5:]) for line in done.stdout.splitlines() if line.startswith("row: ")]
+    assert rows or done.returncode == 0, (done.stdout + done.stderr)[-2000:]
+    return rows
+
+
+def read(file: str, part: int = 0) -> npt.NDArray[np.float32]:
+    """Return the pixels of a part of an EXR that Blender wrote."""
+    import OpenImageIO as oiio
+
+    return np.asarray(oiio.ImageBuf(file, part, 0).get_pixels(oiio.FLOAT), np.float32)
+
+
+def parts(file: str) -> dict[str, npt.NDArray[np.float32]]:
+    """Return the parts of a multilayer EXR by the pass that they hold."""
+    import OpenImageIO as oiio
+
+    found = {}
+    for part in range(oiio.ImageBuf(file).nsubimages):
+        names = oiio.ImageBuf(file, part, 0).spec().channelnames
+        found[names[0].split(".")[1]] = read(file, part)
+    return found

@@ -1,0 +1,475 @@
+"""Runs inside Blender: makes scenes, renders them by the add-on and by Cycles, and says a row of JSON for each.
+
+python scenes.py JOB JSON
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import traceback
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+MODULE = "bl_ext.user_default.primray"
+
+
+def say(**row):
+    print(f"\nrow: {json.dumps(row)}", flush=True)
+
+
+def install(asked):
+    bpy.ops.extensions.package_install_files(filepath=asked["zip"], repo="user_default", enable_on_install=True)
+    bpy.context.preferences.addons[MODULE].preferences.python = asked["python"]
+
+
+def kept():
+    return sys.modules[f"{MODULE}.engine"].KEPT
+
+
+def empty(size=32, samples=64):
+    for obj in list(bpy.data.objects):
+        bpy.data.objects.remove(obj)
+    for material in list(bpy.data.materials):
+        bpy.data.materials.remove(material)
+    scene = bpy.context.scene
+    scene.render.resolution_x = scene.render.resolution_y = size
+    scene.render.resolution_percentage = 100
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    scene.primray.samples, scene.primray.seed = samples, 3
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 4 * samples, False, False
+    scene.cycles.sample_clamp_indirect, scene.cycles.blur_glossy = 0, 0
+    scene.cycles.max_bounces = scene.cycles.diffuse_bounces = scene.cycles.glossy_bounces = 16
+    scene.cycles.transmission_bounces = scene.cycles.transparent_max_bounces = 16
+    scene.render.threads_mode, scene.render.threads = "FIXED", 2
+    scene.world = bpy.data.worlds.new("World")
+    world((0, 0, 0))
+    return scene
+
+
+def world(color, strength=1.0):
+    node = tree_of(bpy.context.scene.world).nodes["Background"]
+    node.inputs["Color"].default_value = (*color, 1)
+    node.inputs["Strength"].default_value = strength
+    return node
+
+
+def tree_of(owner):
+    if owner.node_tree is None:
+        owner.use_nodes = True
+    return owner.node_tree
+
+
+def material(name="matte", **values):
+    found = bpy.data.materials.new(name)
+    node = tree_of(found).nodes["Principled BSDF"]
+    for socket, value in values.items():
+        node.inputs[socket.replace("_", " ")].default_value = value
+    return found
+
+
+def matte():
+    return material(Base_Color=(0.5, 0.5, 0.5, 1), Roughness=1.0, Specular_IOR_Level=0.0)
+
+
+def add(name, data, location=(0, 0, 0), rotation=(0, 0, 0), scale=(1, 1, 1)):
+    obj = bpy.data.objects.new(name, data)
+    obj.location, obj.rotation_euler, obj.scale = location, rotation, scale
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def lamp(kind, energy=100.0, **values):
+    data = bpy.data.lights.new(kind, kind)
+    data.energy = energy
+    if kind in ("POINT", "SPOT"):
+        data.use_soft_falloff = False
+    for name, value in values.items():
+        setattr(data, name, value)
+    return data
+
+
+def camera(location=(0, 0, 6), rotation=(0, 0, 0), **values):
+    data = bpy.data.cameras.new("Camera")
+    for name, value in values.items():
+        setattr(data, name, value)
+    bpy.context.scene.camera = add("Camera", data, location, rotation)
+    return bpy.context.scene.camera
+
+
+def floor(look=None):
+    bpy.ops.mesh.primitive_plane_add(size=8)
+    bpy.context.object.data.materials.append(look or matte())
+    return bpy.context.object
+
+
+def render(engine, file):
+    scene = bpy.context.scene
+    scene.render.engine = engine
+    scene.render.filepath = str(file)
+    bpy.ops.render.render(write_still=True)
+    return str(file)
+
+
+def both(name, folder, **more):
+    """Render a scene by both engines; what goes wrong is said in the scene's row."""
+    try:
+        ours, theirs = render("PRIMRAY", f"{folder}/{name}.primray.exr"), render("CYCLES", f"{folder}/{name}.cycles.exr")
+        say(name=name, ours=ours, theirs=theirs, notes=kept().notes, **more)
+    except Exception as error:
+        traceback.print_exc()
+        say(name=name, error=str(error))
+
+
+LAMPS = {
+    "point": lambda: add("L", lamp("POINT", shadow_soft_size=0.2), (0.5, 0.3, 2)),
+    "point of no size": lambda: add("L", lamp("POINT", shadow_soft_size=0.0), (0.5, 0.3, 2)),
+    "point, scaled": lambda: add("L", lamp("POINT", shadow_soft_size=0.2), (0.5, 0.3, 2), scale=(3, 3, 3)),
+    "coloured": lambda: add("L", lamp("POINT", color=(1.0, 0.5, 0.2)), (0, 0, 2)),
+    "square": lambda: add("L", lamp("AREA", size=1.0), (0, 0, 2)),
+    "rectangle, turned": lambda: add("L", lamp("AREA", shape="RECTANGLE", size=2.0, size_y=0.5), (1, 0, 2), (0.3, 0.5, 0.7)),
+    "disk, scaled": lambda: add("L", lamp("AREA", shape="DISK", size=1.0), (0, 0, 2), scale=(2, 2, 2)),
+    "ellipse": lambda: add("L", lamp("AREA", shape="ELLIPSE", size=2.0, size_y=0.7), (0, 0, 1.5)),
+    "spread": lambda: add("L", lamp("AREA", size=0.5, spread=math.radians(60)), (0, 0, 2)),
+    "sun": lambda: add("L", lamp("SUN", 3.0, angle=math.radians(10)), (0, 0, 2), (0.6, 0.2, 0)),
+    "spot, hard": lambda: add("L", lamp("SPOT", spot_size=1.0, spot_blend=0.0, shadow_soft_size=0.0), (0, 0, 3)),
+    "spot, soft": lambda: add("L", lamp("SPOT", spot_size=1.2, spot_blend=0.6, shadow_soft_size=0.0), (0, 0, 3)),
+}
+
+
+def lamps(asked):
+    for name, place in LAMPS.items():
+        empty()
+        floor()
+        camera(type="ORTHO", ortho_scale=4.0)
+        place()
+        both(name, asked["folder"])
+
+
+def environment_image(size=(64, 32)):
+    """A lat-long image with another colour in each direction."""
+    width, height = size
+    image = bpy.data.images.new("sky", width, height, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    pixels = []
+    for y in range(height):
+        for x in range(width):
+            pixels += [0.2 + 0.8 * (x < width // 4), 0.3 + (x // 8) / 10, 0.2 + 0.8 * y / height, 1.0]
+    image.pixels.foreach_set(pixels)
+    image.pack()
+    return image
+
+
+def linked_world(rotation=None, strength=1.0):
+    node = world((1, 1, 1), strength)
+    tree = bpy.context.scene.world.node_tree
+    texture = tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = environment_image()
+    tree.links.new(texture.outputs["Color"], node.inputs["Color"])
+    if rotation is not None:
+        mapping, place = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+        mapping.inputs["Rotation"].default_value = rotation
+        tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
+        tree.links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
+    return node
+
+
+def mixed_world():
+    node = linked_world()
+    tree = bpy.context.scene.world.node_tree
+    mix = tree.nodes.new("ShaderNodeGamma")
+    mix.inputs["Gamma"].default_value = 2.0
+    tree.links.new(node.inputs["Color"].links[0].from_socket, mix.inputs["Color"])
+    tree.links.new(mix.outputs["Color"], node.inputs["Color"])
+
+
+WORLDS = {
+    "constant": lambda: world((0.2, 0.5, 0.9), 3.0),
+    "image": lambda: linked_world(),
+    "image, strong": lambda: linked_world(strength=2.0),
+    "image, turned": lambda: linked_world((0, 0, 1.0)),
+    "image, tilted": lambda: linked_world((0.4, 0.3, 1.0)),
+    "other nodes": mixed_world,
+}
+
+
+def worlds(asked):
+    for name, make in WORLDS.items():
+        empty()
+        floor()
+        bpy.context.object.scale = (0.2, 0.2, 0.2)
+        camera((0, -4, 1.5), (math.radians(80), 0, 0.3), lens=18.0)
+        make()
+        both(name, asked["folder"])
+
+
+CAMERAS: dict[str, dict[str, Any]] = {
+    "perspective": {},
+    "shifted": {"shift_x": 0.1, "shift_y": -0.2},
+    "portrait": {"sensor_fit": "VERTICAL"},
+    "orthographic": {"type": "ORTHO", "ortho_scale": 5.0, "shift_x": 0.1},
+    "equirectangular": {"type": "PANO", "panorama_type": "EQUIRECTANGULAR"},
+    "fisheye": {"type": "PANO", "panorama_type": "FISHEYE_EQUIDISTANT", "fisheye_fov": 2.5},
+    "equisolid": {"type": "PANO", "panorama_type": "FISHEYE_EQUISOLID", "fisheye_fov": 2.5, "fisheye_lens": 15.0},
+}
+
+
+def cameras(asked):
+    for name, values in CAMERAS.items():
+        scene = empty(48)
+        scene.render.resolution_y = 32
+        bpy.ops.mesh.primitive_cube_add(size=1, location=(0.5, 0.2, 0.3), rotation=(0.3, 0.2, 0.4))
+        bpy.context.object.data.materials.append(matte())
+        world((0.5, 0.5, 0.5))
+        lamp_object = add("L", lamp("SUN", 2.0), (0, 0, 2), (0.6, 0.2, 0))
+        assert lamp_object is not None
+        camera((0, -4, 1), (math.radians(75), 0, 0.1), **values)
+        both(name, asked["folder"])
+
+
+SURFACES: dict[str, dict[str, Any]] = {
+    "default": {},
+    "rough": {"Roughness": 1.0},
+    "metal": {"Metallic": 1.0, "Base_Color": (0.9, 0.6, 0.3, 1), "Roughness": 0.4},
+    "specular level": {"Specular_IOR_Level": 1.0},
+    "alpha": {"Alpha": 0.4},
+    "sheen": {"Sheen_Weight": 1.0},
+    "emission": {"Emission_Color": (0.2, 0.5, 1.0, 1), "Emission_Strength": 2.0},
+    "coat": {"Coat_Weight": 1.0, "Base_Color": (0.5, 0.2, 0.1, 1)},
+    "transmission": {"Transmission_Weight": 1.0, "Roughness": 0.0, "Base_Color": (0.7, 0.9, 0.6, 1)},
+    "anisotropic": {"Metallic": 1.0, "Anisotropic": 0.8, "Roughness": 0.4},
+    "subsurface": {"Subsurface_Weight": 1.0, "Subsurface_Scale": 0.05},
+}
+
+
+def ball(look):
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=1.0)
+    bpy.ops.object.shade_smooth()
+    bpy.context.object.data.materials.append(look)
+
+
+def surfaces(asked):
+    for name, values in SURFACES.items():
+        empty(24, samples=128)
+        look = material(**({"Base_Color": (0.6, 0.5, 0.4, 1)} | values))
+        ball(look)
+        studio()
+        both(name, asked["folder"])
+
+
+def studio():
+    world((0.3, 0.3, 0.3))
+    add("L", lamp("AREA", 200.0, size=2.0), (2, -2, 3), (math.radians(45), 0, math.radians(45)))
+    camera((0, -4, 0), (math.radians(90), 0, 0), lens=60.0)
+
+
+def shader(kind, **values):
+    found = bpy.data.materials.new(kind)
+    tree = tree_of(found)
+    tree.nodes.remove(tree.nodes["Principled BSDF"])
+    node = tree.nodes.new(kind)
+    for socket, value in values.items():
+        node.inputs[socket.replace("_", " ")].default_value = value
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    return found
+
+
+def mixed():
+    found = shader("ShaderNodeBsdfDiffuse", Color=(0.8, 0.2, 0.2, 1))
+    tree = found.node_tree
+    mix, clear = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
+    mix.inputs[0].default_value = 0.3
+    tree.links.new(tree.nodes["Diffuse BSDF"].outputs[0], mix.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    return found
+
+
+SHADERS = {
+    "Diffuse BSDF": lambda: shader("ShaderNodeBsdfDiffuse", Color=(0.8, 0.4, 0.2, 1)),
+    "Emission": lambda: shader("ShaderNodeEmission", Color=(0.8, 0.4, 0.2, 1), Strength=2.0),
+    "Glass BSDF": lambda: shader("ShaderNodeBsdfGlass", Color=(0.9, 0.8, 0.9, 1), IOR=1.45),
+    "Mix Shader with Transparent BSDF": mixed,
+}
+
+
+def shaders(asked):
+    for name, make in SHADERS.items():
+        empty(24, samples=128)
+        ball(make())
+        studio()
+        both(name, asked["folder"])
+
+
+def scattered(count=9):
+    """An instancer by geometry nodes: a ball at each vertex of a grid."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=2, y_subdivisions=2, size=3, location=(0, 0, 0.2))
+    grid = bpy.context.object
+    grid.data.materials.append(matte())
+    group = bpy.data.node_groups.new("scatter", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    start, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    points, thing = group.nodes.new("GeometryNodeInstanceOnPoints"), group.nodes.new("GeometryNodeMeshIcoSphere")
+    look, join = group.nodes.new("GeometryNodeSetMaterial"), group.nodes.new("GeometryNodeJoinGeometry")
+    thing.inputs["Radius"].default_value = 0.3
+    look.inputs["Material"].default_value = material("balls", Base_Color=(0.8, 0.1, 0.1, 1))
+    links = group.links
+    links.new(thing.outputs["Mesh"], look.inputs["Geometry"])
+    links.new(start.outputs[0], points.inputs["Points"])
+    links.new(look.outputs[0], points.inputs["Instance"])
+    links.new(points.outputs[0], join.inputs[0])
+    links.new(start.outputs[0], join.inputs[0])
+    links.new(join.outputs[0], end.inputs[0])
+    grid.modifiers.new("scatter", "NODES").node_group = group
+    return grid
+
+
+def collections():
+    """A collection that is placed three times by empties."""
+    kinds = bpy.data.collections.new("kinds")
+    mesh = bpy.data.meshes.new("box")
+    mesh.from_pydata(
+        [(x, y, z) for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0, 0.6)], [],
+        [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)],
+    )  # fmt: skip
+    mesh.materials.append(material("boxes", Base_Color=(0.1, 0.3, 0.8, 1)))
+    kinds.objects.link(bpy.data.objects.new("box", mesh))
+    for k in range(3):
+        place = add(f"place{k}", None, (1.2 * k - 1.2, 0.5, 0.1), (0, 0, 0.4 * k), (1, 1, 1 + k))
+        place.instance_type, place.instance_collection = "COLLECTION", kinds
+
+
+def instances(asked):
+    for name, make in (("geometry nodes", scattered), ("collections", collections)):
+        empty(48)
+        floor()
+        make()
+        world((0.6, 0.6, 0.6))
+        camera((0, -5, 4), (math.radians(52), 0, 0), lens=35.0)
+        both(name, asked["folder"])
+
+
+def curves(asked):
+    for name, depth in (("a curve with a bevel", 0.1), ("a curve without one", 0.0)):
+        empty(48)
+        floor()
+        data = bpy.data.curves.new("wire", "CURVE")
+        data.dimensions, data.bevel_depth = "3D", depth
+        data.materials.append(material("wire", Base_Color=(0.8, 0.5, 0.1, 1)))
+        spline = data.splines.new("BEZIER")
+        spline.bezier_points.add(1)
+        for point, co in zip(spline.bezier_points, ((-1.5, 0, 0.5), (1.5, 0.5, 0.5)), strict=True):
+            point.co, point.handle_left_type, point.handle_right_type = co, "AUTO", "AUTO"
+        add("wire", data)
+        world((0.6, 0.6, 0.6))
+        camera((0, -5, 4), (math.radians(52), 0, 0), lens=35.0)
+        both(name, asked["folder"])
+
+
+def hair(asked):
+    empty(24)
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.7)
+    furry = bpy.context.object
+    furry.data.materials.append(material("fur", Base_Color=(0.7, 0.2, 0.05, 1), Roughness=0.6))
+    furry.modifiers.new("hair", "PARTICLE_SYSTEM")
+    settings = furry.particle_systems[0].settings
+    settings.type, settings.count, settings.hair_length, settings.root_radius = "HAIR", 2000, 0.3, 2.0
+    studio()
+    both("hair of particles", asked["folder"])
+
+
+def first_hour(asked):
+    """A scene with a Principled material, an image of a sky, hair and an instancer, with passes."""
+    scene = empty(64, samples=32)
+    floor()
+    linked_world((0, 0, 1.0), 1.5)
+    scattered()
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.5, location=(0, 0, 1.2))
+    furry = bpy.context.object
+    furry.data.materials.append(material("fur", Base_Color=(0.5, 0.3, 0.1, 1)))
+    furry.modifiers.new("hair", "PARTICLE_SYSTEM")
+    settings = furry.particle_systems[0].settings
+    settings.type, settings.count, settings.hair_length, settings.root_radius = "HAIR", 200, 0.3, 0.02
+    camera((0, -5, 3), (math.radians(62), 0, 0), lens=35.0)
+    kept().folder = Path(asked["folder"], "exported")
+    kept().folder.mkdir()
+    both("first hour", asked["folder"])
+    layer = bpy.context.view_layer
+    layer.use_pass_z = layer.use_pass_normal = True
+    scene.primray.error_pass = True
+    if hasattr(scene.render.image_settings, "media_type"):
+        scene.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
+    scene.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+    file = render("PRIMRAY", f"{asked['folder']}/passes.exr")
+    say(name="passes", file=file)
+    kept().folder = None  # the stage stays, for the test to render
+
+
+def showcase(asked):
+    """The picture of docs/blender.md."""
+    scene = empty(360, samples=asked.get("samples", 64))
+    scene.render.resolution_y = 270
+    bpy.ops.mesh.primitive_plane_add(size=30)
+    bpy.context.object.data.materials.append(material("ground", Base_Color=(0.35, 0.33, 0.3, 1), Roughness=0.6))
+    linked_world((0, 0, 2.0), 0.5)
+    looks = (
+        material("gold", Base_Color=(0.9, 0.6, 0.25, 1), Metallic=1.0, Roughness=0.25),
+        material("glass", Transmission_Weight=1.0, Roughness=0.0, Base_Color=(0.75, 0.9, 0.85, 1)),
+        material("lacquer", Base_Color=(0.5, 0.03, 0.04, 1), Coat_Weight=1.0, Coat_Roughness=0.05, Roughness=0.5),
+    )
+    for k, look in enumerate(looks):
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=0.55, location=(1.25 * k - 1.7, 0, 0.55))
+        bpy.ops.object.shade_smooth()
+        bpy.context.object.data.materials.append(look)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=0.4, location=(2.0, 0.1, 0.5))
+    furry = bpy.context.object
+    furry.data.materials.append(material("fur", Base_Color=(0.55, 0.35, 0.15, 1), Roughness=0.5))
+    furry.modifiers.new("hair", "PARTICLE_SYSTEM")
+    settings = furry.particle_systems[0].settings
+    settings.type, settings.count, settings.hair_length, settings.root_radius = "HAIR", 4000, 0.15, 0.4
+    grid = scattered()
+    grid.scale, grid.location = (1.6, 0.5, 1.0), (0.2, 2.4, 0.3)
+    add("L", lamp("AREA", 250.0, size=1.5, spread=math.radians(120)), (-2.5, -2.5, 4), (math.radians(40), 0, math.radians(-45)))
+    add("S", lamp("SPOT", 400.0, spot_size=0.7, spot_blend=0.4, color=(1, 0.75, 0.5)), (3, -2, 4), (0.5, 0.55, 0.4))
+    camera((0.2, -6.5, 2.3), (math.radians(76), 0, 0.0), lens=48.0)
+    both("showcase", asked["folder"])
+
+
+def failures(asked):
+    """What goes wrong is an error of the operator, and Blender goes on."""
+    scene = empty()
+    floor()
+
+    def attempt(name):
+        try:
+            bpy.ops.render.render()
+            say(name=name, error="")
+        except RuntimeError as error:
+            say(name=name, error=str(error))
+
+    scene.render.engine = "PRIMRAY"
+    attempt("no camera")
+    camera()
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    preferences.python = "/nowhere/python"
+    attempt("no Python")
+    preferences.python = asked["python"]
+    times_asked = iter(range(1000))
+    kept().is_cancelled = lambda: next(times_asked) > 2
+    attempt("cancelled")
+    kept().is_cancelled = lambda: False
+    kept().exporter.end()
+    attempt("the exporter has ended")
+    attempt("after all")
+
+
+if __name__ == "__main__":
+    job, request = sys.argv[1], json.loads(sys.argv[2])
+    install(request)
+    globals()[job](request)
+    kept().end()

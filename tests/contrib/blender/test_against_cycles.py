@@ -1,0 +1,45 @@
+"""What the add-on renders beside what Cycles does: lamps, worlds, cameras, surfaces, instances and curves.
+
+Each scene of scenes.py is rendered by both. `mean` is how far the mean may be off, `each` the mean difference of pixels, both
+relative.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any
+
+import numpy as np
+import pytest
+
+from . import host
+from .expected import EXPECTED
+
+
+@cache
+def rows(job: str) -> dict[str, dict[str, Any]]:
+    return {row["name"]: row for row in host.run(job, Path(mkdtemp(prefix=f"primray-{job}-")))}
+
+
+def compare(job: str, name: str) -> tuple[float, float, set[str]]:
+    """Return the relative difference of means, that of pixels, and the codes of notes."""
+    assert name in rows(job), f"Blender ended before {name}"
+    row = rows(job)[name]
+    assert "error" not in row, row["error"]
+    ours, theirs = (host.read(row[key])[..., :3].astype(np.float64) for key in ("ours", "theirs"))
+    assert np.isfinite(ours).all()
+    size = theirs.mean()
+    assert size > 0
+    return float(ours.mean() / size - 1), float(np.abs(ours - theirs).mean() / size), {note["code"] for note in row["notes"]}
+
+
+@pytest.mark.parametrize(("job", "name"), [(job, name) for job, names in EXPECTED.items() for name in names])
+def test_beside_cycles(job: str, name: str) -> None:
+    host.python()
+    expected = EXPECTED[job][name]
+    mean, each, codes = compare(job, name)
+    assert abs(mean - expected.mean) <= expected.tolerance, f"mean off by {mean:+.4f}"
+    assert each <= expected.each, f"pixels off by {each:.4f}"
+    assert codes == set(expected.notes)
