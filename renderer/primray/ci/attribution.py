@@ -205,7 +205,8 @@ def _worst(shots: Sequence[Shot]) -> str:
     if not any(shot.pixels for shot in shots):
         return "identical"
     found = {shot.comparison.verdict for shot in shots if shot.pixels}
-    return next(v for v in (Verdict.CHANGED, Verdict.UNDECIDED, Verdict.UNCHANGED) if v in found).value
+    worst: Verdict = next(v for v in (Verdict.CHANGED, Verdict.UNDECIDED, Verdict.UNCHANGED) if v in found)
+    return str(worst.value)
 
 
 def _new_diagnostics(before: Image | None, after: Image) -> tuple[dict[str, Any], ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,7 +25,7 @@ def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def judged(folder: Path, *flags: str) -> tuple[int, dict]:
+def judged(folder: Path, *flags: str) -> tuple[int, dict[str, Any]]:
     out = folder.parent / "out"
     code = run(["ci", "main", "-o", str(out), *SMALL, *flags])
     return code, json.loads((out / "report.json").read_text())
