@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 SITE = $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
 CORE := $(shell find renderer/core -type f 2>/dev/null)
 CORE_FORMATTED = $(filter %.cpp %.hpp %.h,$(CORE))
-PYTHON_SOURCES := $(wildcard docs/site examples renderer scenes service tests)
+PYTHON_SOURCES := $(wildcard contrib docs/site examples renderer scenes service tests)
 # The ISA classes that `make setup` compiles the core for: this CPU's newest, and the one that PRIMRAY_ISA asks for.
 ISA := $(or $(PRIMRAY_ISA),own)
 DEMO := sculpture
