@@ -29,7 +29,7 @@ def program(monkeypatch: pytest.MonkeyPatch) -> None:
 def husk(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     # Houdini's Python would break primray's: it must not see the variable.
     environment = os.environ | {"PYTHONHOME": "/nowhere"}
-    line = [PRIMRAY.replace("primray", "python"), "-E", str(FOLDER / "husk"), *words]
+    line = [sys.executable, "-E", str(FOLDER / "husk"), *words]
     return subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
