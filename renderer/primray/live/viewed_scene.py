@@ -116,6 +116,7 @@ class ViewedScene:
         self.cameras: list[str] = []
         self.variant_sets: list[dict[str, Any]] = []
         self.times: tuple[float, float] | None = None  # first and last time code; None: nothing varies
+        self.time_codes_per_second = 24.0
         self.read_ns = 0  # when its files were read last
         self._authored: Camera | None = None
         self._kept: KeptStage | None = None
@@ -152,6 +153,7 @@ class ViewedScene:
         self.cameras = [path for path in usd.camera_paths(opened.stage) if not usd.is_session_camera(path)]
         self.variant_sets, self._z_up = facts["variants"], facts["up_axis"] == "Z"
         self.times = _times_of(facts["time"])
+        self.time_codes_per_second = facts["time"]["time_codes_per_second"]
         if self._authored is not None and self._authored.path and not usd.has_camera(opened.stage, self._authored.path):
             self.camera = self.settings.camera if self.camera == self._authored.path else self.camera
             self.orbit = self._authored = None

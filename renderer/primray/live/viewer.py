@@ -214,8 +214,8 @@ class Viewer:
         "doing" is the step that preparing is at: "step", its "number" "of" how many, and how much of it is "done" of "all" (0:
         not known). "picture" is the number of the picture shown (0: none), which has "size", "samples", "relmse", "seconds",
         "step_s" (from the command to the picture) and the "token" of the last command that it shows. "cameras", "camera" (as
-        authored), "moved", "variants", "times", "set", "selected", "aov" and "denoise" describe the view, "exposure" and
-        "display" how it is shown, "can" what there is to choose.
+        authored), "moved", "variants", "times", "rate" (time codes a second), "set", "selected", "aov" and "denoise" describe
+        the view, "exposure" and "display" how it is shown, "can" what there is to choose.
         """
         with self._news:
             return dict(self._state)
@@ -396,6 +396,7 @@ class Viewer:
             "moved": scene.orbit is not None,
             "variants": scene.variant_sets,
             "times": scene.times,
+            "rate": scene.time_codes_per_second,
             "set": {name: _plain(getattr(scene.settings, name)) for name in SETTINGS},
             "selected": None
             if scene.selected is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
@@ -355,6 +356,38 @@ def test_a_frame_slider_where_something_moves(look, tmp_path):
         until_finished(page, before)
         shown.append(pixels(page))
     assert difference(*shown) > 3
+
+
+def test_frames_play_and_rest(look, tmp_path):
+    """Each picture is of a later frame, the first one after the last; a pause leaves the frame that is shown."""
+    (tmp_path / "moving.usda").write_text(MOVING.replace("upAxis", "timeCodesPerSecond = 100\n    upAxis"))
+    (tmp_path / "floor.usda").write_text(FLOOR % GREEN)
+    page, _ = look(stage=tmp_path / "moving.usda")
+    until_finished(page)
+    page.evaluate(
+        """() => {
+          window.played = [];
+          const output = document.querySelector('.exposure output');
+          const note = () => window.played.push(Number(output.innerText));
+          new MutationObserver(note).observe(output, {childList: true, characterData: true, subtree: true});
+        }"""
+    )
+    before = number(page)
+    page.get_by_role("button", name="Play").click()
+    until(page, "window.played.length > 12 && window.played.some((frame, k) => k > 0 && frame < window.played[k - 1])")
+    page.keyboard.press("p")
+    until(page, "document.querySelector('[aria-pressed]')?.innerText.startsWith('Play')")
+    until_finished(page, before)
+    played = page.evaluate("window.played")
+    assert set(played) <= set(range(1, 25))
+    assert all(a != b for a, b in itertools.pairwise(played))
+    rested = page.get_by_label("Frame", exact=True).input_value()
+    assert rested == str(played[-1])
+    last = pixels(page)
+    before = number(page)
+    page.get_by_label("Frame", exact=True).fill("24" if int(rested) < 12 else "1")
+    until_finished(page, before)
+    assert difference(last, pixels(page)) > 1
 
 
 def test_what_is_taken_away_renders_the_same_picture(look, tmp_path):

@@ -2,7 +2,7 @@
 
 import { button, choice, element, field, fill, say, write } from "../page/base/dom.js";
 import { keepFocus } from "./focus.js";
-import { send } from "./server.js";
+import { send, sendAndSee } from "./server.js";
 
 const FEW = 4; // variants that are shown unfolded
 
@@ -60,28 +60,76 @@ export function cameraPanel() {
     }
   }
 
-  return { root, show };
+  return { root, show, play: time.play };
 }
 
+// Frames are played at the stage's rate: each picture is that of the frame which is due by then, and at least the next one, so
+// that slow stages leave frames out. A picture is waited for before the next is asked for.
 function timeSlider() {
   const shown = element("output", {});
   const slider = element("input", { type: "range", step: 1 });
-  const root = element("div", { class: "field exposure", hidden: true }, field("Frame", slider), shown);
+  const playing = button([element("span", {}, "Play"), " ", element("kbd", {}, "p")], play, { "aria-pressed": "false" });
+  const root = element(
+    "div",
+    { hidden: true },
+    element("div", { class: "field exposure" }, field("Frame", slider), shown),
+    element("div", { class: "actions" }, playing),
+  );
+  let rate = 24;
+  let round = 0; // of playing; 0: it rests
+  let rounds = 0;
+
   slider.addEventListener("input", () => {
+    rest();
     write(shown, slider.value);
     send({ do: "set", time_code: Number(slider.value) });
   });
 
-  function show({ times, set }) {
+  function play() {
+    if (root.hidden) return;
+    if (round) {
+      rest();
+      return;
+    }
+    round = ++rounds;
+    write(playing.querySelector("span"), "Pause");
+    playing.setAttribute("aria-pressed", "true");
+    void playOn(round);
+  }
+
+  function rest() {
+    round = 0;
+    write(playing.querySelector("span"), "Play");
+    playing.setAttribute("aria-pressed", "false");
+  }
+
+  async function playOn(mine) {
+    const [first, end] = [Number(slider.min), Number(slider.max)];
+    const count = Math.floor(end - first) + 1;
+    const from = Math.floor(Number(slider.value) - first);
+    const began = performance.now();
+    let frame = 0; // since playing began
+    while (round === mine) {
+      frame = Math.max(frame + 1, Math.floor(((performance.now() - began) / 1000) * rate));
+      const time = first + ((from + frame) % count);
+      slider.value = time;
+      write(shown, time);
+      await sendAndSee({ do: "set", time_code: time });
+    }
+  }
+
+  function show({ times, rate: given, set }) {
     root.hidden = !times;
-    if (!times || document.activeElement === slider) return;
+    if (!times) rest();
+    if (given) rate = given;
+    if (!times || round || document.activeElement === slider) return;
     [slider.min, slider.max] = times;
     const now = set.time_code;
     slider.value = now ?? times[0];
     write(shown, now ?? "none");
   }
 
-  return { root, show };
+  return { root, show, play };
 }
 
 function cameraField(state) {

@@ -106,11 +106,12 @@ function watchFlights(root) {
 }
 
 // These keys work wherever the focus is, except in controls for text and choices.
-export function watchKeys() {
+export function watchKeys({ play }) {
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest?.("input, select, textarea")) return;
     if (event.key === "f") send({ do: "frame" });
     if (event.key === "r") send({ do: "reset" });
+    if (event.key === "p") play();
     if (event.key === "Escape") send({ do: "deselect" });
   });
 }

@@ -9,6 +9,7 @@ const PICTURELESS = ["pivot", "select", "deselect", "exposure", "display"]; // n
 const page = Math.random().toString(36).slice(2, 8); // another page of the same viewer has tokens of its own
 const waiting = [];
 const begun = new Map(); // when the first event of each command happened, by its number
+const awaited = new Map(); // who waits for the picture of each command, by its number
 let last = 0;
 let sending = false;
 let onProblem = () => {};
@@ -29,6 +30,12 @@ export function send(command) {
   void sendWaiting();
 }
 
+// Sends a command; the promise is kept once a picture that shows it is on the screen.
+export function sendAndSee(command) {
+  send(command);
+  return new Promise((resolve) => awaited.set(last, resolve));
+}
+
 // Sends a command, added to one of the same kind that has not been sent yet.
 export function move(kind, amounts) {
   const latest = waiting.at(-1);
@@ -41,6 +48,10 @@ export function move(kind, amounts) {
 export function seen(token) {
   const [whose, number] = (token ?? "").split("-");
   if (whose !== page) return null;
+  for (const [key, resolve] of [...awaited].filter(([key]) => key <= Number(number))) {
+    awaited.delete(key);
+    resolve();
+  }
   const times = [...begun.keys()].filter((key) => key <= Number(number));
   if (times.length === 0) return null;
   const start = begun.get(times[0]);

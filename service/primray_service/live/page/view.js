@@ -14,7 +14,8 @@ import { takeAway } from "./take_away.js";
 
 const line = status();
 const looked = picture(line.step);
-const panels = [cameraPanel(), lookPanel(), lightPanel()];
+const camera = cameraPanel();
+const panels = [camera, lookPanel(), lightPanel()];
 const found = diagnostics();
 const problem = element("div", { id: "problem" });
 const refused = element("div", { id: "refused" });
@@ -35,7 +36,7 @@ fill(
   ),
 );
 navigate(looked);
-watchKeys();
+watchKeys(camera);
 onRefused((answer) => fill(refused, box(answer.title, answer.detail, "")));
 
 function show(state) {
