@@ -38,7 +38,9 @@ class Findings:
         for stage in self.stages:
             count[stage.verdict] = count.get(stage.verdict, 0) + 1
         told = ", ".join(f"{number} {verdict}" for verdict, number in count.items()) or "none"
-        return f"{len(self.sides.changes)} changed files reach {len(self.stages)} stages: {told}"
+        files, stages = len(self.sides.changes), len(self.stages)
+        changed = "1 changed file reaches" if files == 1 else f"{files} changed files reach"
+        return f"{changed} {stages} {'stage' if stages == 1 else 'stages'}: {told}"
 
 
 def as_json(found: Findings) -> dict[str, Any]:
