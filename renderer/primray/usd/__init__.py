@@ -11,7 +11,7 @@ from .camera.camera import nearest_of
 from .camera.framed_objects import framed_bounds
 from .camera.session_camera import camera_layer, has_camera, is_session_camera, place_camera
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
-from .inspect.layer_edits import Edit, edits_between, files_named, made_alone, readable_layer, sampled_times, used_layer
+from .inspect.layer_edits import Edit, edits_between, files_named, made_alone, sampled_times, used_layer
 from .inspect.prim_identity import assets_of, labels_of, names_in_instances
 from .inspect.scene_facts import stage_facts
 from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
@@ -21,6 +21,7 @@ from .render_settings.render_product import ProductSettings, RenderVariable
 from .render_settings.render_settings import named_product, products
 from .scene.bounds import world_box
 from .stage.asset_previews import check_preview, write_with_preview
+from .stage.layer_copy import readable_layer
 from .stage.metadata import stage_name, used_files
 from .stage.open import limit_threads, open_stage, reload_layers
 from .stage.reads import read_asset

@@ -11,7 +11,7 @@ from typing import Any
 from pxr import Sdf, Tf, Usd
 
 from ...errors import StageOpenError
-from ..stage.messages import tf_message
+from ..stage.layer_copy import readable_layer
 from ..stage.metadata import spec_field
 from ..stage.reads import authored_attributes, value_at
 from ..stage.time_varying import layer_times, sample_times
@@ -37,17 +37,6 @@ class Edit:
     @property
     def name(self) -> str:
         return self.path if self.field in ("", "default") else f"{self.path} [{self.field}]"
-
-
-def readable_layer(file: str) -> Sdf.Layer:
-    """Return a layer in memory with a file's content; StageOpenError where USD cannot parse it."""
-    try:
-        layer = Sdf.Layer.OpenAsAnonymous(file)
-    except Tf.ErrorException as error:
-        raise StageOpenError(f"USD cannot read it: {tf_message(error)}", where=file) from None
-    if layer is None:
-        raise StageOpenError("USD cannot read it.", where=file)
-    return layer
 
 
 def edits_between(before: Sdf.Layer, after: Sdf.Layer) -> list[Edit]:

@@ -18,6 +18,7 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from ...errors import SceneError, StageOpenError
+from .layer_copy import readable_layer
 from .messages import tf_message
 from .metadata import prim_value
 
@@ -56,18 +57,7 @@ def _root_layer(asset: str) -> Iterator[Sdf.Layer]:
     if _is_package(asset):
         with _opened(asset) as package:
             file = f"{asset}[{_root_entry(package, asset).filename}]"
-    yield _layer(file, asset)
-
-
-def _layer(file: str, asset: str) -> Sdf.Layer:
-    """Return a copy of a layer in memory, which no stage shares."""
-    try:
-        layer = Sdf.Layer.OpenAsAnonymous(file)
-    except Tf.ErrorException as error:
-        raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=asset) from None
-    if layer is None:
-        raise StageOpenError("USD cannot open it.", where=asset)
-    return layer
+    yield readable_layer(file, where=asset)
 
 
 def _default_prim(layer: Sdf.Layer, asset: str) -> Sdf.Path:
@@ -79,7 +69,7 @@ def _default_prim(layer: Sdf.Layer, asset: str) -> Sdf.Path:
 
 
 def _write_layer(file: str, name: str, target: str, asset: str) -> None:
-    layer = _layer(file, asset)
+    layer = readable_layer(file, where=asset)
     with Sdf.ChangeBlock():
         spec = Sdf.CreatePrimInLayer(layer, _default_prim(layer, asset))
         spec.SetInfo("apiSchemas", _with_schema(prim_value(spec, "apiSchemas")))
