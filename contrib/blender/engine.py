@@ -14,14 +14,8 @@ import bpy
 import numpy as np
 
 from . import interface
+from .passes import passes, stamp
 from .processes import Lines, ProcessError, exporter, find_python, renderer
-
-CHANNELS = {
-    "Depth": (1, "Z", "VALUE"),
-    "Normal": (3, "XYZ", "VECTOR"),
-    "Denoised": (4, "RGBA", "COLOR"),
-    "Error": (1, "X", "VALUE"),
-}
 
 
 class Kept:
@@ -80,9 +74,8 @@ class PrimrayEngine(bpy.types.RenderEngine):  # type: ignore[misc]
         super().__init__(*arguments, **values)
 
     def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
-        for name in _passes(scene, renderlayer):
-            channels, ids, kind = CHANNELS[name]
-            self.register_pass(scene, renderlayer, name, channels, ids, kind)
+        for found in passes(scene, renderlayer):
+            self.register_pass(scene, renderlayer, found.name, len(found.channels), found.channels, found.kind)
 
     def render(self, depsgraph: Any) -> None:
         try:
@@ -106,9 +99,10 @@ class PrimrayEngine(bpy.types.RenderEngine):  # type: ignore[misc]
             return
         pixels = KEPT.files() / "pixels"
         process.send(
-            stage=exported["stage"], pixels=str(pixels), passes=_passes(scene, depsgraph.view_layer_eval), seed=asked.seed,
+            stage=exported["stage"], pixels=str(pixels), seed=asked.seed,
+            passes=[found.as_request() for found in passes(scene, depsgraph.view_layer_eval)],
             threads=scene.render.threads if scene.render.threads_mode == "FIXED" else None, every_s=asked.every_s,
-            transparent=exported["transparent"],
+            transparent=exported["transparent"], layer=layer, names=exported["names"],
         )  # fmt: skip
         self._show(process, pixels, layer, exported)
 
@@ -160,10 +154,11 @@ class PrimrayEngine(bpy.types.RenderEngine):  # type: ignore[misc]
                 self._fill(answer["picture"], pixels, layer)
             elif "done" in answer:
                 self._fill(answer["done"], pixels, layer)
-                KEPT.notes = [*KEPT.notes, *interface.named(answer["diagnostics"], exported["objects"])]
+                stamp(self.get_result(), answer["header"])
+                KEPT.notes = [*KEPT.notes, *interface.named(answer["diagnostics"], exported["names"]["objects"])]
                 interface.show_notes(KEPT.notes)
-                if answer["relmse"] is not None:
-                    self.update_stats("primray", f"relMSE {answer['relmse']:.2g}")
+                interface.show_end({name: answer[name] for name in ("stop", "samples", "relmse")})
+                self.update_stats("primray", interface.end_in_words())
                 return
             elif "cancelled" in answer:
                 return
@@ -187,17 +182,3 @@ class PrimrayEngine(bpy.types.RenderEngine):  # type: ignore[misc]
 
 def never() -> bool:
     return False
-
-
-def _passes(scene: Any, layer: Any) -> list[str]:
-    """Return the passes beside Combined that a view layer asks for."""
-    found = []
-    if layer.use_pass_z:
-        found.append("Depth")
-    if layer.use_pass_normal:
-        found.append("Normal")
-    if scene.primray.denoise:
-        found.append("Denoised")
-    if scene.primray.error_pass:
-        found.append("Error")
-    return found

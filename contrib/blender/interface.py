@@ -11,6 +11,7 @@ from . import processes
 
 PACKAGE = __package__ or "primray"
 NOTES: list[dict[str, str]] = []  # of the last render
+END: dict[str, Any] = {}  # of the last render: why it stopped, its samples (least and most of a pixel), its relMSE
 
 
 class PrimraySettings(bpy.types.PropertyGroup):  # type: ignore[misc]
@@ -35,6 +36,11 @@ class PrimraySettings(bpy.types.PropertyGroup):  # type: ignore[misc]
     )
     error_pass: bpy.props.BoolProperty(  # type: ignore[valid-type]
         name="Error Pass", default=False, description="Add the standard error of each pixel as the pass Error"
+    )
+    error_overlay: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Error Overlay",
+        default=False,
+        description="Add the picture coloured by its relative standard error as the pass Error Overlay",
     )
     every_s: bpy.props.FloatProperty(name="Update", default=1.0, min=0.1, description="Seconds between pictures that refine")  # type: ignore[valid-type]
 
@@ -100,6 +106,20 @@ def show_notes(notes: list[dict[str, str]]) -> None:
     NOTES[:] = notes
 
 
+def show_end(end: dict[str, Any]) -> None:
+    END.clear()
+    END.update(end)
+
+
+def end_in_words() -> str:
+    """Return how the last render ended, for the panel and the status line; "" before the first one."""
+    if not END:
+        return ""
+    least, most = END["samples"]
+    words = [f"{least} samples" if least == most else f"{least} to {most} samples", str(END["stop"]).replace("-", " ")]
+    return ", ".join(words + ([f"relMSE {END['relmse']:.2g}"] if END["relmse"] is not None else []))
+
+
 def named(diagnostics: list[dict[str, str]], objects: dict[str, str]) -> list[dict[str, str]]:
     """Return primray's diagnostics with the objects that the prims were exported from."""
     rows = []
@@ -127,8 +147,20 @@ class PRIMRAY_PT_sampling(_Panel, bpy.types.Panel):  # type: ignore[misc]
 
     def draw(self, context: Any) -> None:
         self.layout.use_property_split = True
-        for name in ("samples", "target_error", "time_limit", "max_depth", "seed", "every_s", "denoise", "error_pass"):
+        for name in (
+            "samples",
+            "target_error",
+            "time_limit",
+            "max_depth",
+            "seed",
+            "every_s",
+            "denoise",
+            "error_pass",
+            "error_overlay",
+        ):
             self.layout.prop(context.scene.primray, name)
+        if END:
+            self.layout.label(text=f"Last: {end_in_words()}")
 
 
 class PRIMRAY_PT_notes(_Panel, bpy.types.Panel):  # type: ignore[misc]

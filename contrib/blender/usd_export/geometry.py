@@ -13,9 +13,12 @@ from typing import Any
 import bpy
 import numpy as np
 from mathutils import Matrix
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
+
+from .lights import light_group
 
 Note = Callable[[str, str, str], None]
+MATERIAL_MODIFIERS = ("NODES", "SOLIDIFY", "BEVEL", "BOOLEAN")  # they can give faces other materials
 SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 
 
@@ -138,6 +141,66 @@ def prepare_scene(scene: Any, found: Found) -> dict[str, Prototype]:
     return names
 
 
+def repair_slots() -> None:
+    """Give surfaces without a material what Blender renders them with, and meshes of one material that one.
+
+    The exporter takes the first slot's where all faces have one material, whichever it is.
+    """
+    default = None
+    for data in [*bpy.data.meshes, *bpy.data.curves, *bpy.data.metaballs]:
+        if data.library is None and (not data.materials or None in list(data.materials)):
+            default = default or _default_material()
+            if not data.materials:
+                data.materials.append(default)
+            for slot, material in enumerate(data.materials):
+                if material is None:
+                    data.materials[slot] = default
+    for obj in bpy.data.objects:
+        for slot in obj.material_slots:
+            if slot.material is None and obj.library is None:
+                slot.material = default = default or _default_material()
+        if obj.type == "MESH" and len(obj.material_slots) > 1 and not any(m.type in MATERIAL_MODIFIERS for m in obj.modifiers):
+            used = np.zeros(len(obj.data.polygons), np.int32)
+            obj.data.polygons.foreach_get("material_index", used)
+            used = np.unique(np.minimum(used, len(obj.material_slots) - 1))
+            if len(used) == 1:
+                obj.material_slots[0].material = obj.material_slots[int(used[0])].material
+
+
+def _default_material() -> Any:
+    """Return a Diffuse BSDF of a grey of 0.8, which Blender calls default_surface."""
+    material = bpy.data.materials.new("default_surface")
+    if material.node_tree is None:
+        material.use_nodes = True
+    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Base Color"].default_value = (0.8, 0.8, 0.8, 1)
+    shader.inputs["Specular IOR Level"].default_value = 0.0
+    return material
+
+
+def group_glowing_meshes(stage: Usd.Stage, prims: dict[str, Sdf.Path]) -> None:
+    """Make meshes of objects that are in a light group lights of that group; their materials' emission is the light."""
+    for obj in bpy.data.objects:
+        if not obj.lightgroup or obj.type == "LIGHT" or obj.name not in prims or not _glows(obj):
+            continue
+        for prim in Usd.PrimRange(stage.GetPrimAtPath(prims[obj.name])):
+            if prim.IsA(UsdGeom.Mesh):
+                light = UsdLux.LightAPI(UsdLux.MeshLightAPI.Apply(prim).GetPrim())
+                light.CreateIntensityAttr(1.0)
+                light.CreateNormalizeAttr(False)
+                light.CreateMaterialSyncModeAttr(UsdLux.Tokens.materialGlowTintsLight)
+                light_group(prim, obj.lightgroup)
+
+
+def _glows(obj: Any) -> bool:
+    trees = [slot.material.node_tree for slot in obj.material_slots if slot.material and slot.material.node_tree]
+    for node in (node for tree in trees for node in tree.nodes):
+        strength = node.inputs.get("Emission Strength" if node.type == "BSDF_PRINCIPLED" else "Strength")
+        if node.type in ("BSDF_PRINCIPLED", "EMISSION") and (strength.is_linked or strength.default_value > 0):
+            return True
+    return False
+
+
 def _replace(obj: Any, mesh: Any) -> None:
     """Let a mesh take the place of an object, under the object's name."""
     if obj.type == "MESH":
@@ -193,6 +256,24 @@ def prims_by_object(stage: Usd.Stage) -> dict[str, Sdf.Path]:
         if name is not None:
             found.setdefault(name, prim.GetPath())
     return found
+
+
+def blender_names(stage: Usd.Stage, prototypes: dict[str, Prototype]) -> dict[str, dict[str, str]]:
+    """Return the names of objects and materials by the paths of their prims, and those of topmost parents by objects."""
+    objects, materials, assets = {}, {}, {}
+    for prim in stage.Traverse():
+        if prim.IsA(UsdShade.Material):
+            materials[str(prim.GetPath())] = prim.GetAttribute("userProperties:blender:data_name").Get() or prim.GetName()
+        elif (name := prim.GetAttribute("userProperties:blender:object_name").Get()) is not None:
+            objects[str(prim.GetPath())] = prototypes[name].name if name in prototypes else name
+        elif prim.GetMetadata("displayName"):
+            objects[str(prim.GetPath())] = prim.GetMetadata("displayName")
+    for name in set(objects.values()):
+        top = bpy.data.objects.get(name)
+        while top is not None and top.parent is not None:
+            top = top.parent
+            assets[name] = top.name
+    return {"objects": objects, "materials": materials, "assets": assets}
 
 
 def repair_hair(stage: Usd.Stage, layer_stage: Usd.Stage, systems: dict[str, tuple[float, float, str]], note: Note) -> None:

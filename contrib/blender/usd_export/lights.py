@@ -34,8 +34,13 @@ def write_light(stage: Usd.Stage, path: str, obj: Any, matrix: Any, folder: Path
     if not lamp.use_shadow:
         UsdLux.ShadowAPI.Apply(light.GetPrim()).CreateShadowEnableAttr(False)
     if obj.lightgroup:
-        light.GetPrim().CreateAttribute("karma:light:lpetag", Sdf.ValueTypeNames.String).Set(obj.lightgroup)
+        light_group(light.GetPrim(), obj.lightgroup)
     _note_differences(obj, note)
+
+
+def light_group(prim: Usd.Prim, name: str) -> None:
+    """Put a light into a group. Quotes are not for names in light path expressions (see passes.py, which does the same)."""
+    prim.CreateAttribute("karma:light:lpetag", Sdf.ValueTypeNames.String).Set(name.replace("'", "_"))
 
 
 def placed(matrix: Any, keeps_scale: bool, extra: tuple[float, float] = (1.0, 1.0)) -> Gf.Matrix4d:

@@ -113,6 +113,7 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
     systems = _hair(scene)
     world.write_world(layer, f"{scope}/world", scene, folder, note)
     names = geometry.prepare_scene(scene, found)
+    geometry.repair_slots()
     materials.rewrite_materials(note)
     for image in bpy.data.images:
         if image.packed_file is not None or (image.source == "GENERATED" and image.users):
@@ -127,12 +128,13 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
     bpy.ops.wm.usd_export(filepath=str(exported), **{name: value for name, value in WANTED.items() if name in known})
     layer.GetRootLayer().subLayerPaths.append(f"./{exported.name}")
     geometry.write_instances(layer, scope, geometry.prims_by_object(layer), names)
+    geometry.group_glowing_meshes(layer, geometry.prims_by_object(layer))
     geometry.repair_hair(layer, layer, systems, note)
     materials.repair_networks(layer)
     camera.write_settings(layer, scene, f"{scope}/camera", request.get("settings", {}))
     layer.GetRootLayer().Save()
-    objects = {str(path): name for name, path in geometry.prims_by_object(layer).items()}
-    return {"stage": str(file), "notes": notes, "objects": objects, "transparent": scene.render.film_transparent}
+    known = geometry.blender_names(layer, names)
+    return {"stage": str(file), "notes": notes, "names": known, "transparent": scene.render.film_transparent}
 
 
 def _use_layer(scene: Any, name: str) -> None:

@@ -15,6 +15,8 @@ import bpy
 from mathutils import Euler, Matrix
 from pxr import Gf, Usd, UsdGeom, UsdLux
 
+from .lights import light_group
+
 Note = Callable[[str, str, str], None]
 BAKED_WIDTH, BAKED_SAMPLES = 1024, 16
 # A lat-long image's middle is -Y in Blender, which looks up along Z.
@@ -51,9 +53,7 @@ def write_world(stage: Usd.Stage, path: str, scene: Any, folder: Path, note: Not
     dome.CreateIntensityAttr(intensity)
     UsdGeom.Xformable(dome).AddTransformOp().Set(Gf.Matrix4d([list(row) for row in matrix.transposed()]))
     if world is not None and world.lightgroup:
-        from pxr import Sdf
-
-        dome.GetPrim().CreateAttribute("karma:light:lpetag", Sdf.ValueTypeNames.String).Set(world.lightgroup)
+        light_group(dome.GetPrim(), world.lightgroup)
 
 
 def _surface(world: Any, socket: str = "Surface") -> Any:

@@ -86,3 +86,10 @@ def parts(file: str) -> dict[str, npt.NDArray[np.float32]]:
         names = oiio.ImageBuf(file, part, 0).spec().channelnames
         found[names[0].split(".")[1]] = read(file, part)
     return found
+
+
+def header(file: str) -> dict[str, Any]:
+    """Return the attributes of an EXR's first part."""
+    import OpenImageIO as oiio
+
+    return {found.name: found.value for found in oiio.ImageBuf(file, 0, 0).spec().extra_attribs}

@@ -383,6 +383,68 @@ def hair(asked):
     both("hair of particles", asked["folder"])
 
 
+def multilayer(file, engine):
+    image = bpy.context.scene.render.image_settings
+    if hasattr(image, "media_type"):
+        image.media_type = "MULTI_LAYER_IMAGE"
+    image.file_format = "OPEN_EXR_MULTILAYER"
+    return render(engine, file)
+
+
+def masks(asked):
+    """Cryptomattes and light groups of objects, instances and a parent, and the passes that show the error, by both engines."""
+    scene = empty(64, samples=64)
+    floor()
+    bpy.context.object.name = "le sol"
+    scattered()
+    bpy.ops.mesh.primitive_cube_add(size=0.6, location=(1.4, -1.2, 0.5), rotation=(0, 0, 0.4))
+    box = bpy.context.object
+    box.name = "Würfel.001"
+    box.data.materials.append(material("red, shiny", Base_Color=(0.7, 0.1, 0.1, 1)))
+    bpy.ops.mesh.primitive_cube_add(size=0.3, location=(1.4, -1.2, 1.2))
+    bpy.context.object.parent = box
+    bpy.context.object.matrix_parent_inverse = box.matrix_world.inverted()
+    bpy.context.object.name = "on top"
+    bpy.ops.mesh.primitive_plane_add(size=0.8, location=(-1.5, -1.5, 1.5), rotation=(0.5, 0.4, 0))
+    glow = bpy.context.object
+    glow.name, glow.lightgroup = "glow", "glows"
+    glow.data.materials.append(material("glow", Emission_Color=(1, 0.6, 0.3, 1), Emission_Strength=4.0))
+    layer = bpy.context.view_layer
+    for name in ("key", "l'air", "glows"):
+        layer.lightgroups.add(name=name)
+    add("key", lamp("AREA", 100.0, size=1.0), (2, -2, 3), (0.6, 0.5, 0)).lightgroup = "key"
+    add("alone", lamp("POINT", 20.0, shadow_soft_size=0.1), (-2, 1, 2))
+    world((0.2, 0.25, 0.3))
+    scene.world.lightgroup = "l'air"
+    camera((0, -5, 4), (math.radians(52), 0, 0), lens=35.0)
+    layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_material = layer.use_pass_cryptomatte_asset = True
+    layer.pass_cryptomatte_depth = 8
+    scene.primray.error_pass = scene.primray.error_overlay = scene.primray.denoise = True
+    for engine in ("PRIMRAY", "CYCLES"):
+        say(name=engine, file=multilayer(f"{asked['folder']}/masks.{engine}.exr", engine), notes=kept().notes)
+
+
+def stops(asked):
+    """Renders that end by error, by time, and by samples, with the denoised pass."""
+    scene = empty(64, samples=1 << 20)
+    floor()
+    ball(matte())
+    world((0.5, 0.5, 0.5))
+    add("L", lamp("AREA", size=3.0), (1, -1, 3), (0.3, 0.3, 0))
+    camera((0, -5, 4), (math.radians(52), 0, 0), lens=35.0)
+    interface = sys.modules[f"{MODULE}.interface"]
+    for name, values in {
+        "error": {"target_error": 0.01, "time_limit": 0.0},
+        "time": {"target_error": 0.0, "time_limit": 1.0},
+        "samples": {"time_limit": 0.0, "samples": 4, "denoise": True},
+        "many samples": {"samples": 512},
+    }.items():
+        for setting, value in values.items():
+            setattr(scene.primray, setting, value)
+        file = multilayer(f"{asked['folder']}/{name}.exr", "PRIMRAY")
+        say(name=name, file=file, words=interface.end_in_words(), **interface.END)
+
+
 def first_hour(asked):
     """A scene with a Principled material, an image of a sky, hair and an instancer, with passes."""
     scene = empty(64, samples=32)
@@ -402,11 +464,7 @@ def first_hour(asked):
     layer = bpy.context.view_layer
     layer.use_pass_z = layer.use_pass_normal = True
     scene.primray.error_pass = True
-    if hasattr(scene.render.image_settings, "media_type"):
-        scene.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-    scene.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
-    file = render("PRIMRAY", f"{asked['folder']}/passes.exr")
-    say(name="passes", file=file)
+    say(name="passes", file=multilayer(f"{asked['folder']}/passes.exr", "PRIMRAY"))
     kept().folder = None  # the stage stays, for the test to render
 
 

@@ -6,9 +6,7 @@ relative.
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
@@ -17,16 +15,25 @@ import pytest
 from . import host
 from .expected import EXPECTED
 
-
-@cache
-def rows(job: str) -> dict[str, dict[str, Any]]:
-    return {row["name"]: row for row in host.run(job, Path(mkdtemp(prefix=f"primray-{job}-")))}
+Rows = dict[str, dict[str, Any]]
 
 
-def compare(job: str, name: str) -> tuple[float, float, set[str]]:
+@pytest.fixture(scope="module")
+def jobs() -> dict[str, Rows]:
+    """Rows by job, of those that have run: a job renders all of its scenes."""
+    return {}
+
+
+def rows_of(jobs: dict[str, Rows], job: str, folder: Path) -> Rows:
+    if job not in jobs:
+        jobs[job] = {row["name"]: row for row in host.run(job, folder)}
+    return jobs[job]
+
+
+def compare(rows: Rows, name: str) -> tuple[float, float, set[str]]:
     """Return the relative difference of means, that of pixels, and the codes of notes."""
-    assert name in rows(job), f"Blender ended before {name}"
-    row = rows(job)[name]
+    assert name in rows, f"Blender ended before {name}"
+    row = rows[name]
     assert "error" not in row, row["error"]
     ours, theirs = (host.read(row[key])[..., :3].astype(np.float64) for key in ("ours", "theirs"))
     assert np.isfinite(ours).all()
@@ -36,10 +43,10 @@ def compare(job: str, name: str) -> tuple[float, float, set[str]]:
 
 
 @pytest.mark.parametrize(("job", "name"), [(job, name) for job, names in EXPECTED.items() for name in names])
-def test_beside_cycles(job: str, name: str) -> None:
+def test_beside_cycles(job: str, name: str, jobs: dict[str, Rows], tmp_path_factory: pytest.TempPathFactory) -> None:
     host.python()
     expected = EXPECTED[job][name]
-    mean, each, codes = compare(job, name)
+    mean, each, codes = compare(rows_of(jobs, job, tmp_path_factory.mktemp(job)), name)
     assert abs(mean - expected.mean) <= expected.tolerance, f"mean off by {mean:+.4f}"
     assert each <= expected.each, f"pixels off by {each:.4f}"
     assert codes == set(expected.notes)
