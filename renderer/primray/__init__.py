@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .images.image import Image
     from .images.reading import read_image
     from .incremental.scene import Scene, render_frames
+    from .labels.things import Thing
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
     from .render.products import Product, render_products
     from .render.stereo import StereoImage, render_stereo
@@ -73,6 +74,7 @@ __all__ = [
     "StereoImage",
     "StopAt",
     "StudioLight",
+    "Thing",
     "Verdict",
     "__version__",
     "compare",
@@ -111,6 +113,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Scene": "incremental.scene",
         "SequenceComparison": "compare.sequences",
         "StereoImage": "render.stereo",
+        "Thing": "labels.things",
         "Verdict": "compare.comparison",
         "debug_pixel": "diagnosis.pixel_log",
         "doctor": "diagnosis.doctor",

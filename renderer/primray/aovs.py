@@ -113,7 +113,9 @@ LIGHT_PATH = "lpe:"  # before a light path expression
 # Light paths that other renderers have names for; domes are lights, and fire is an object that glows.
 NAMED_LIGHT_PATHS = {"volume": "CV.*", "volume_direct": "CVL", "volume_indirect": "CV[^L].*"}
 LIGHT_PATH_BYTES = 320  # bytes per pixel of an expression: exact sums and the values made of them
-LABELS = "labels:"  # before a taxonomy of semantic labels
+# Before a taxonomy of semantic labels: sets of labels that are inherited, classes of things, things.
+LABELS, SEMANTIC, THINGS = "labels:", "semantic:", "object_instance:"
+USUAL_TAXONOMY = "class"  # of "semantic" and "object_instance" alone
 CRYPTOMATTE_BYTES = 128  # bytes per pixel, for about four surfaces
 MOST_COMPONENTS = 4
 LONGEST_NAME = 256
@@ -144,6 +146,7 @@ def check_names(names: Iterable[str]) -> None:
             or name in IN_PICTURE
             or name == DEEP
             or name in NAMED_LIGHT_PATHS
+            or name + ":" in (SEMANTIC, THINGS)
             or _is_named(name)
             or is_light_path(name)
             or occlusion_distance(name) is not None
@@ -151,7 +154,8 @@ def check_names(names: Iterable[str]) -> None:
             every = (*AOVS, *NAMED_LIGHT_PATHS, *CRYPTOMATTES, DEEP, *IN_PICTURE)
             known, near = ", ".join(every), did_you_mean(str(name), every)
             sentence = f"there is no AOV {name!r}{f'; {near} There' if near else '; there'} are {known}, "
-            sentence += "occlusion:DISTANCE, primvar:NAME, labels:TAXONOMY and light path expressions"
+            sentence += "occlusion:DISTANCE, primvar:NAME, labels:TAXONOMY, semantic:TAXONOMY, "
+            sentence += "object_instance:TAXONOMY and light path expressions"
             raise SettingsError(sentence, where="aovs", code="unknown-aov")
 
 
@@ -186,7 +190,7 @@ def light_paths_of(requests: Iterable[AovRequest]) -> tuple[str, ...]:
 
 def _is_named(name: str) -> bool:
     """Return whether a name is valid for a primvar or for labels of a taxonomy."""
-    kind = next((prefix for prefix in (PRIMVAR, LABELS) if name.startswith(prefix)), None)
+    kind = next((prefix for prefix in (PRIMVAR, LABELS, SEMANTIC, THINGS) if name.startswith(prefix)), None)
     own = name.removeprefix(kind or "")
     return kind is not None and len(own) <= LONGEST_NAME and _PRIMVAR_NAME.fullmatch(own) is not None
 
@@ -199,12 +203,18 @@ def with_distances(requests: Iterable[AovRequest], meters_per_unit: float) -> tu
 
 def taxonomy_of(source: str) -> str | None:
     """Return the taxonomy whose labels a source holds, None if it holds none."""
-    return source.removeprefix(LABELS) if source.startswith(LABELS) else None
+    prefix = next((prefix for prefix in (LABELS, SEMANTIC, THINGS) if source.startswith(prefix)), None)
+    return None if prefix is None else source.removeprefix(prefix)
+
+
+def shows_things(source: str) -> bool:
+    """Return whether a source depends on which prims have labels of their own."""
+    return source.startswith((SEMANTIC, THINGS))
 
 
 def names_instances(source: str) -> bool:
     """Return whether a source depends on names of instances."""
-    return source in NAMING_INSTANCES or source.startswith(LABELS)
+    return source in NAMING_INSTANCES or taxonomy_of(source) is not None
 
 
 def requests_of(names: Iterable[str]) -> tuple[AovRequest, ...]:
@@ -215,6 +225,8 @@ def requests_of(names: Iterable[str]) -> tuple[AovRequest, ...]:
 def _request(name: str) -> AovRequest:
     if occlusion_distance(name) is not None:  # a dot in a channel's name would begin another layer
         return AovRequest(name, name, prefix=OCCLUSION)
+    if name + ":" in (SEMANTIC, THINGS):
+        return AovRequest(name, f"{name}:{USUAL_TAXONOMY}")
     if name in NAMED_LIGHT_PATHS:
         return AovRequest(name, LIGHT_PATH + NAMED_LIGHT_PATHS[name])
     if not is_light_path(name):

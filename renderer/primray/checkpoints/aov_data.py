@@ -19,9 +19,11 @@ from ..aovs import CRYPTOMATTES, AovRequest, kind_of, light_path_of, primvar_of,
 from ..core.light_path_tables import LightPathTables
 from ..denoising.denoised import guides_of
 from ..denoising.denoiser import Guides
+from ..diagnostics import Diagnostics
 from ..images.aov import Aov, make_aov
 from ..images.cryptomatte import Coverage, covered_names, cryptomatte
-from ..images.first_hit import aovs_of, labels_of_view
+from ..images.first_hit import aovs_of
+from ..labels.view import labels_of_view
 from ..report.prepared import Prepared
 from ..sampling.sampling import Sampling
 
@@ -64,8 +66,8 @@ def aov_data_of(prepared: Prepared, sampling: Sampling) -> AovData | None:
         labels = [r for r in requests if taxonomy_of(r.source)]
         fixed = aovs_of(prepared.scene, plain, prepared.camera, sampling.film.counts, settings) if plain else {}
         says: dict[str, Any] = {}
-        if labels and prepared.labels is not None:
-            made, says = labels_of_view(prepared.scene, labels, prepared.camera, settings, prepared.labels)
+        if labels and prepared.labelled is not None:
+            made, says = labels_of_view(prepared, labels, Diagnostics())
             fixed |= made
         guides = guides_of(prepared.scene, settings) if settings.denoises else None
         kept = replace(kept, fixed=fixed, labels=says, guides=guides)

@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from ..aovs import THINGS
 from ..arrays import Floats
 from ..color.color_space import REC709, ColorSpace
 from ..description import Camera, Frame
@@ -40,6 +41,9 @@ from .writers import (
     write_radiance,
     write_view,
 )
+
+if TYPE_CHECKING:
+    from ..labels.things import Thing
 
 CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
@@ -128,6 +132,23 @@ class Image:
     def values(self) -> Floats:
         """Pixels followed by errors, if any: (H, W, C)."""
         return self.pixels if self.errors is None else np.concatenate([self.pixels, self.errors], axis=2)
+
+    @property
+    def things(self) -> tuple[Thing, ...]:
+        """The labelled things of an AOV object_instance:TAXONOMY, as the report's `labels.things` has them."""
+        from ..labels.things import thing_of_json
+
+        return tuple(thing_of_json(says) for says in self.report.get("labels", {}).get("things", ()))
+
+    def mask_of(self, thing: Thing) -> npt.NDArray[np.bool_]:
+        """Return the pixels (H, W) that show a thing, or another that it holds. KeyError without the AOV of its taxonomy."""
+        from ..labels.things import ids_within
+
+        source = THINGS + thing.taxonomy
+        found = next((aov for aov in self.aovs.values() if aov.source == source), None)
+        if found is None:
+            raise KeyError(source)
+        return np.isin(found.values[..., 0], sorted(ids_within(thing, self.things)))
 
     def as_product(self, path: str) -> Image:
         """Return the image as one of its render products: `save` then writes exactly what the product orders.

@@ -8,7 +8,7 @@ Expensive modules are imported when a render starts; importing this module is ch
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,9 +16,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from .. import process_memory
-from ..aovs import aov_bytes, taxonomy_of
+from ..aovs import AovRequest, aov_bytes, shows_things, taxonomy_of
 from ..diagnostics import Diagnostics
-from ..errors import SettingsError, UnsupportedError
+from ..errors import SettingsError, UnsupportedError, did_you_mean
 from ..process_memory import without_collection
 from ..report.prepared import Prepared
 from ..settings import STAGING, DefaultWrap, Ground, Metric, RenderSettings
@@ -31,12 +31,14 @@ if TYPE_CHECKING:
     from ..description import SceneDescription, Shape, TextureFile, Wrap
     from ..description.picture_file import PictureFile
     from ..diagnostics import Diagnostics
+    from ..labels.table import LabelTable
     from ..report.report import Costs
     from ..report.summary import ImageSize
     from ..tessellation.dice import DicedShape
     from ..textures.texture import Texture
     from ..textures.texture_set import LoadedFile
     from ..textures.tile_cache import TileCache
+    from ..usd import LabelledPrims
 
 
 DENOISING_PIXEL_BYTES = 1000  # Open Image Denoise and the two half pictures, rounded up from measurements
@@ -174,6 +176,10 @@ def _prepare(
         if any(request.source == "crypto_asset" for request in description.aovs):
             assert scene.record is not None
             assets = usd.assets_of(stage, [*scene.record.shape_paths, *(path for path, _ in scene.record.media)])
+        labelled = table = None
+        if any(taxonomy_of(request.source) for request in description.aovs):
+            labelled, table = _labelled_prims(stage, description.aovs, settings, diagnostics)
+            diagnostics.raise_if_refused(settings.refusal)
         name = usd.stage_name(stage)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
     prepared = Prepared(
@@ -191,9 +197,6 @@ def _prepare(
     prepared = replace(prepared, asked=asked)
     if file != PLAIN or is_lit_behind(description):
         prepared = replace(prepared, file=replace(file, lit_behind=is_lit_behind(description)))
-    labels = None
-    if any(taxonomy_of(request.source) for request in description.aovs):
-        labels = lambda prim, instance, taxonomy: usd.labels_of(stage, prim, instance, taxonomy, settings.time_code)  # noqa: E731
     hidden = (
         scene.bounds is not None
         and bool(description.surfaces)
@@ -201,7 +204,27 @@ def _prepare(
         and not (description.media or description.volume_emissions)  # the camera sees all Volumes
     )
     prepared = replace(prepared, ground_shadow=ground_shadow)
-    return replace(prepared, assets=assets, labels=labels, stage=name, hidden_from_camera=hidden)
+    return replace(prepared, assets=assets, labelled=labelled, label_table=table, stage=name, hidden_from_camera=hidden)
+
+
+def _labelled_prims(
+    stage: Any, requests: Sequence[AovRequest], settings: RenderSettings, diagnostics: Diagnostics
+) -> tuple[LabelledPrims, LabelTable]:
+    """Return the labelled prims of a stage, and the ids of their classes; report taxonomies that nothing bears."""
+    from .. import usd
+    from ..labels.table import class_ids
+
+    labelled = usd.LabelledPrims(stage, settings.time_code)
+    known = labelled.taxonomies()
+    wanted = dict.fromkeys(str(taxonomy_of(request.source)) for request in requests)
+    for taxonomy in wanted:
+        if taxonomy not in known:
+            hint = did_you_mean(taxonomy, known)
+            others = f"labels are in {', '.join(known)}" if known else "nothing on the stage has labels"
+            message = f"No prim has labels in the taxonomy {taxonomy}: {hint or others}."
+            diagnostics.add("label-taxonomy", "", message)
+    things = {str(taxonomy_of(r.source)): known.get(str(taxonomy_of(r.source)), ()) for r in requests if shows_things(r.source)}
+    return labelled, class_ids(settings, things, diagnostics)
 
 
 def _require_something_to_render(diagnostics: Diagnostics, settings: RenderSettings) -> None:

@@ -359,8 +359,9 @@ def find_aovs(
     from ..aovs import CRYPTOMATTES, DEEP, light_path_of, taxonomy_of
     from ..diagnostics import kept_without
     from ..images.cryptomatte import mattes_of
-    from ..images.first_hit import aovs_of, labels_of_view
+    from ..images.first_hit import aovs_of
     from ..images.light_path_aovs import light_paths_of_film
+    from ..labels.view import labels_of_view
 
     mattes = [request for request in prepared.aovs if request.source in CRYPTOMATTES]
     labels = [request for request in prepared.aovs if taxonomy_of(request.source)]
@@ -381,8 +382,8 @@ def find_aovs(
         with kept(routed):
             found |= light_paths_of_film(prepared.scene, routed, sampling.film) if routed else {}
         with kept(labels):
-            if labels and prepared.labels is not None:
-                made, says = labels_of_view(prepared.scene, labels, prepared.camera, prepared.settings, prepared.labels)
+            if labels and prepared.labelled is not None:
+                made, says = labels_of_view(prepared, labels, diagnostics)
                 found |= made
     return {request.name: found[request.name] for request in prepared.aovs if request.name in found}, says
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,9 @@ if TYPE_CHECKING:
     from ..core import CoreScene
     from ..description import Camera, Frame
     from ..description.picture_file import PictureFile
+    from ..labels.table import LabelTable
     from ..staging import GroundShadow
+    from ..usd import LabelledPrims
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class Prepared:
     motion: dict[str, Any] | None = None  # motion statistics of the report
     left_out: dict[str, int] = field(default_factory=dict)  # if nothing is drawn: shape counts by reason, "" for unknown
     hidden_from_camera: bool = False  # all geometry is hidden from camera rays
-    # labels(prim, instance, taxonomy): semantic labels of a prim in an instance; None unless an AOV needs them.
-    labels: Callable[[str, str, str], tuple[str, ...]] | None = None
+    labelled: LabelledPrims | None = None  # semantic labels; None unless an AOV needs them
+    label_table: LabelTable | None = None  # ids of classes, if labels are needed
     assets: dict[str, str] = field(default_factory=dict)  # asset name by prim path, if Cryptomatte needs it
     stage: str = ""  # file name of the root layer, without folders
     ground_shadow: GroundShadow | None = None  # set if a ground shows only its shadow

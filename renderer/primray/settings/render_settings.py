@@ -964,6 +964,19 @@ class RenderSettings:
         ),
         member=Member(chars=1024, items=(0, 256)),
     )
+    # File with the ids of label classes, which renders extend; None: ids are those of this stage.
+    label_table: str | None = setting(
+        None,
+        file,
+        seldom=True,
+        flag=Flag(
+            ("--label-table",),
+            "JSON file that fixes the ids of label classes over a data set; written if missing, extended by new classes.",
+            metavar="FILE",
+            shown=False,
+            commands=frozenset({"render"}),
+        ),
+    )
     session_layer: str | None = setting(
         None,
         file,

@@ -80,4 +80,5 @@ class SettingsValues(TypedDict, total=False):
     variants: Iterable[str]
     load: Iterable[str] | None
     mask: Iterable[str] | None
+    label_table: str | os.PathLike[str] | None
     session_layer: str | os.PathLike[str] | None

@@ -11,8 +11,9 @@ from .camera.camera import nearest_of
 from .camera.framed_objects import framed_bounds
 from .camera.session_camera import camera_layer, has_camera, is_session_camera, place_camera
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
+from .inspect.labelled import LabelledPrim, LabelledPrims
 from .inspect.layer_edits import Edit, edits_between, files_named, made_alone, sampled_times, used_layer
-from .inspect.prim_identity import assets_of, labels_of, names_in_instances
+from .inspect.prim_identity import assets_of, names_in_instances
 from .inspect.scene_facts import stage_facts
 from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
 from .materials.bound_materials import bound_materials
@@ -30,6 +31,8 @@ from .translate import camera_paths, translate
 __all__ = [
     "Dependencies",
     "Edit",
+    "LabelledPrim",
+    "LabelledPrims",
     "ProductSettings",
     "RenderVariable",
     "assets_of",
@@ -46,7 +49,6 @@ __all__ = [
     "framed_bounds",
     "has_camera",
     "is_session_camera",
-    "labels_of",
     "layer_files",
     "limit_threads",
     "made_alone",

@@ -34,7 +34,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
     "scene description": ("color", "volumes", "description", "photometry"),
     "translation": ("textures", "tessellation", "usd"),
     "core": ("core",),
-    "rendering": ("sampling", "staging", "images", "denoising", "report", "checkpoints", "distributed", "render"),
+    "rendering": ("sampling", "staging", "images", "labels", "denoising", "report", "checkpoints", "distributed", "render"),
     "tools": ("diagnosis", "incremental", "live", "compare", "ci"),
     "command line": ("cli",),
 }

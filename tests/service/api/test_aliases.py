@@ -22,6 +22,7 @@ NOT_OF_JOBS = {"threads", "max_memory_bytes", "sample_range", "session_layer", "
 NOT_OF_JOBS |= {"texture_memory_bytes", "texture_cache", "texture_cache_bytes"}
 NOT_OF_JOBS |= {"time_code"}  # frames
 NOT_OF_JOBS |= {"joint_products"}  # what the library says to itself
+NOT_OF_JOBS |= {"label_table"}  # a file that renders of many jobs would write
 NOT_OF_JOBS |= {"orbit_deg"}  # views of a turntable
 NOT_OF_JOBS |= {"dicing_camera", "surface_textures", "pixel_size"}  # drafts of viewers
 NOT_OF_JOBS |= {"deep_samples", "deep_tolerance"}  # jobs refuse deep pictures

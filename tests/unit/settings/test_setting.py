@@ -43,6 +43,7 @@ def prim() -> Usd.Prim:
         ("variants", ["/a:b=c"], ("/a:b=c",)),
         ("load", [], ()),
         ("mask", [Sdf.Path("/World")], ("/World",)),
+        ("label_table", Path("labels.json"), "labels.json"),
         ("session_layer", Path("over.usda"), "over.usda"),
         ("camera", Sdf.Path("/cam"), "/cam"),
         ("camera", np.array(STANDING), tuple(tuple(map(float, row)) for row in STANDING)),
@@ -135,6 +136,7 @@ NONSENSE: dict[str, list[Any]] = {
     "load": ["/World", ["World"], 1],
     "mask": ["/World", ["World"], []],
     "joint_products": ["/Render/p", [3]],
+    "label_table": [3],
     "session_layer": [3],
 }
 

@@ -1,22 +1,18 @@
-"""Identity of prims for mattes: shared names in native instances, assets, and semantic labels.
+"""Identity of prims for mattes: shared names in native instances, and assets.
 
 An instance's prims have a path in each instance, and none of these is better than another: which of them a prototype is named
 after depends on the order of prims and on the population mask. The place where a prim is defined does not: `/kind/ball` in the
 stage's own layers, else `tree.usda</tree/leaf>`; with the instance's variants, `tree.usda</tree/leaf>{size=big}`.
-
-Labels are those of UsdSemantics' LabelsAPI, and of the attributes that Omniverse used before it.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable
 
 from pxr import Sdf, Usd
 
 from ..stage.messages import FileNames, file_names
-from ..stage.reads import FAILURES, property_names
-from ..stage.values import When, read, when_of_few
+from ..stage.reads import FAILURES
 
 
 def names_in_instances(
@@ -88,43 +84,3 @@ def _asset_of(stage: Usd.Stage, path: str) -> str:
         if prim and prim.IsModel() and not prim.IsGroup():
             return str(prefix)
     return str(above[0]) if above else path
-
-
-_INDICES = re.compile(r"\[\d+\]")  # of a point instancer's instances
-NAMESPACE = "semantics:labels:"
-OLD, TYPE, DATA = "semantic:", ":params:semanticType", ":params:semanticData"
-
-
-def labels_of(stage: Usd.Stage, prim: str, instance: str, taxonomy: str, time_code: float | None) -> tuple[str, ...]:
-    """Return inherited labels in one taxonomy, sorted, of the prim at a path and of the instance in which it is seen ("": in
-    none).
-
-    As UsdSemanticsLabelsQuery computes them, a prim has its own labels and those of all prims above it. Its path may be that in
-    another instance, whose own labels do not count.
-    """
-    when = when_of_few(time_code)
-    place = _INDICES.sub("", instance)
-    prefixes = _prefixes(prim)
-    if place and prefixes and (found := stage.GetPrimAtPath(prefixes[-1])) and stage.GetPrimAtPath(place):
-        shared = instance_above(found)
-        prefixes = [path for path in prefixes if shared is None or not shared.GetPath().HasPrefix(path)]
-    labels: set[str] = set()
-    for path in dict.fromkeys([*prefixes, *_prefixes(place)]):
-        if found := stage.GetPrimAtPath(path):
-            labels.update(_own_labels(found, taxonomy, when))
-    return tuple(sorted(labels))
-
-
-def _prefixes(path: str) -> list[Sdf.Path]:
-    """Return the paths of a prim and of its ancestors; none for an invalid path."""
-    is_path = Sdf.Path.IsValidPathString(path) and path.startswith("/")
-    return list(Sdf.Path(path).GetPrimPath().GetPrefixes()) if is_path else []
-
-
-def _own_labels(prim: Usd.Prim, taxonomy: str, when: When) -> Iterator[str]:
-    yield from (str(label) for label in read(prim, NAMESPACE + taxonomy, when) or ())
-    for name in property_names(prim):
-        if name.startswith(OLD) and name.endswith(TYPE) and str(read(prim, name, when)) == taxonomy:
-            label = read(prim, name.removesuffix(TYPE) + DATA, when)
-            if label:
-                yield str(label)

@@ -16,6 +16,9 @@ from ...aovs import (
     LONGEST_NAME,
     NAMED_LIGHT_PATHS,
     PRIMVAR,
+    SEMANTIC,
+    THINGS,
+    USUAL_TAXONOMY,
     AovRequest,
     check_names,
     data_type_of,
@@ -34,11 +37,14 @@ PICTURE = ("R", "G", "B", "A")
 ALPHA = frozenset({"a", "A", "alpha", "Alpha"})
 ERRORS = frozenset({"stderr", "standardError"})
 COMMON: dict[str, tuple[str, ...]] = {
-    "depth": ("z", "Z", "Pz", "cameraDepth", "linearDepth", "__depth", "ray:hitPz", "distance_to_image_plane"),
-    "distance": ("ray:hitdist", "distance_to_camera"),
+    "depth": (
+        *("z", "Z", "Pz", "cameraDepth", "linearDepth", "__depth", "ray:hitPz", "distance_to_image_plane"),
+        "DistanceToImagePlaneSD",
+    ),
+    "distance": ("ray:hitdist", "distance_to_camera", "DistanceToCameraSD"),
     "position": ("P", "Pworld", "__Pworld", "Pw", "worldPosition", "ray:hitP"),
     "camera_position": ("Peye", "Pcam", "Pc"),
-    "normal": ("N", "Nn", "Nworld", "__Nworld", "normals", "Normal", "ray:hitN"),
+    "normal": ("N", "Nn", "Nworld", "__Nworld", "normals", "Normal", "ray:hitN", "NormalSD"),
     "geometric_normal": ("Ng", "Ngn", "ray:hitNg"),
     "camera_normal": ("Neye", "Ncam"),
     "st": ("uv", "UV", "__st"),
@@ -49,8 +55,9 @@ COMMON: dict[str, tuple[str, ...]] = {
     "guide_albedo": ("denoise_albedo",),
     "guide_normal": ("denoise_normal",),
     "motion_forward": ("motionFore",),
-    "motion_backward": ("motionBack",),
-    "prim": ("primId", "id", "ID", "objectId", "objectid", "ray:objectid"),
+    # Omniverse's vectors are those to the frame before: left and up are above 0 where a point came from there.
+    "motion_backward": ("motionBack", "motion_vectors", "TargetMotionSD"),
+    "prim": ("primId", "id", "ID", "objectId", "objectid", "ray:objectid", "instance_id_segmentation", "primPaths"),
     "instance": ("instanceId", "instanceid"),
     "material": ("materialId", "materialid"),
     "samples": ("sampleCount", "samplecount", "ray:pixelsamples"),
@@ -62,6 +69,17 @@ CRYPTO = {  # as Arnold, RenderMan and Karma call them
 }
 NAMES = {name: source for source in AOVS for name in (source, *COMMON.get(source, ()))}
 NAMES |= {name: source for source in CRYPTOMATTES for name in (source, *CRYPTO[source])}
+# Omniverse's annotators of labels. Boxes are in the report, beside the numbers of the things that they are of.
+OF_LABELS = {
+    SEMANTIC: ("semantic_segmentation", "SemanticSegmentationSD"),
+    THINGS: (
+        *("instance_segmentation", "instance_segmentation_fast", "InstanceSegmentationSD"),
+        *("bounding_box_2d_tight", "bounding_box_2d_tight_fast", "BoundingBox2DTightSD"),
+        *("bounding_box_2d_loose", "bounding_box_2d_loose_fast", "BoundingBox2DLooseSD"),
+        *("bounding_box_3d", "bounding_box_3d_fast", "bounding_box_3d_360", "BoundingBox3DSD"),
+    ),
+}
+NAMES |= {name: source + USUAL_TAXONOMY for source, names in OF_LABELS.items() for name in (source[:-1], *names)}
 OF_PATHS = {  # as Cycles and Karma call them
     "volume": ("combinedvolume",),
     "volume_direct": ("VolumeDir", "directvolume"),
@@ -177,8 +195,8 @@ def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
         return NAMES[name]
     if occlusion_distance(name) is not None:
         return name
-    if name.startswith(("semantics:labels:", LABELS)):
-        return _labels(name.removeprefix("semantics:labels:").removeprefix(LABELS), var, diagnostics)
+    if name.startswith(("semantics:labels:", LABELS, SEMANTIC, THINGS)):
+        return _labels(name.replace("semantics:labels:", LABELS, 1), var, diagnostics)
     if name.startswith(("primvars:", PRIMVAR)):
         return _primvar(name.removeprefix("primvars:").removeprefix(PRIMVAR), var, diagnostics)
     known = ", ".join((*AOVS, *NAMED_LIGHT_PATHS, *CRYPTOMATTES))
@@ -216,11 +234,12 @@ def _light_path(expression: str, var: RenderVariable, diagnostics: Diagnostics) 
     return LIGHT_PATH + expression
 
 
-def _labels(taxonomy: str, var: RenderVariable, diagnostics: Diagnostics) -> str | None:
+def _labels(source: str, var: RenderVariable, diagnostics: Diagnostics) -> str | None:
     try:
-        check_names([LABELS + taxonomy])
+        check_names([source])
     except SettingsError:
+        taxonomy = source.partition(":")[2]
         message = f"sourceName = {taxonomy[:LONGEST_NAME]!r} is not a name of a taxonomy."
         diagnostics.add("render-var", var.path, message, "sourceName")
         return None
-    return LABELS + taxonomy
+    return source

@@ -69,6 +69,11 @@ def all_prims_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
     return found
 
 
+def range_with_instances(root: Usd.Prim) -> Usd.PrimRange:
+    """Return the range of prims that exist from this one down, those in native instances as their proxies."""
+    return Usd.PrimRange(root, EXISTING_IN_INSTANCES)
+
+
 def collection_members(query: Usd.CollectionMembershipQuery, stage: Usd.Stage) -> frozenset[Sdf.Path]:
     """Return the paths of the prims that a collection holds, those in native instances as their proxies.
 

@@ -11,7 +11,7 @@ import pytest
 from tests.translation.describe import describe
 
 from primray.settings import RenderSettings
-from primray.usd import count_undrawn_shapes, labels_of, translate
+from primray.usd import LabelledPrims, count_undrawn_shapes, translate
 
 from ..usd_text import stage_of
 
@@ -127,5 +127,5 @@ def test_why_nothing_is_drawn() -> None:
 def test_labels() -> None:
     head = 'def Cube "box" (\nprepend apiSchemas = ["SemanticsLabelsAPI:kind"]\n)\n'
     stage = stage_of(head + '{\ntoken[] semantics:labels:kind.timeSamples = {0: ["tree"], 5: ["car"]}\n}\n')
-    assert labels_of(stage, "/box", "", "kind", None) == ("tree",)
-    assert labels_of(stage, "/box", "", "kind", 5.0) == ("car",)
+    assert LabelledPrims(stage, None).inherited("/box", "", "kind") == ("tree",)
+    assert LabelledPrims(stage, 5.0).inherited("/box", "", "kind") == ("car",)
