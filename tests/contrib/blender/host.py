@@ -1,7 +1,7 @@
 """Blender as a Python module, in processes of its own: an abort fails one test.
 
-Found by PRIMRAY_BPY, an environment with bpy, or in build/bpy, where .ci/run makes one. Blender is GPL: nothing here
-imports it.
+Found by PRIMRAY_BPY, environments with bpy (as in PATH, one beside the other), and in build/bpy, where .ci/run makes one. Tests
+with the fixture `blender` run in each of VERSIONS that is found. Blender is GPL: nothing here imports it.
 """
 
 from __future__ import annotations
@@ -23,13 +23,37 @@ ADDON = ROOT / "contrib/blender"
 VARIABLE = "PRIMRAY_BPY"
 SCENES = Path(__file__).with_name("scenes.py")
 TIMEOUT_S = 600
+VERSIONS = ("5.0", "4.2", "4.5", "5.3")  # the first is the one of tests that run in one Blender
+
+_chosen: list[str] = [VERSIONS[0]]
+
+
+@cache
+def hosts() -> dict[str, Path]:
+    """Return the interpreters that have bpy by Blender's version."""
+    named = [Path(folder) for folder in os.environ.get(VARIABLE, "").split(os.pathsep) if folder]
+    found: dict[str, Path] = {}
+    for folder in [*named, ROOT / "build/bpy"]:
+        for version in VERSIONS:
+            if (folder / "bin/python").exists() and list(folder.glob(f"lib/python*/site-packages/bpy/{version}")):
+                found.setdefault(version, folder / "bin/python")
+    return found
+
+
+def choose(version: str) -> None:
+    """Let `python` and all that uses it be of this version from now on."""
+    _chosen[:] = [version]
+
+
+def version() -> str:
+    return _chosen[0]
 
 
 def python() -> Path:
-    """Return the interpreter that has bpy; skips the test where there is none."""
-    found = Path(os.environ.get(VARIABLE) or ROOT / "build/bpy", "bin/python")
-    if not found.exists():
-        pytest.skip("skipped: no bpy")
+    """Return the interpreter that has the chosen Blender; skips the test where there is none."""
+    found = hosts().get(version())
+    if found is None:
+        pytest.skip(f"skipped: no Blender {version()}")
     return found
 
 
@@ -39,12 +63,9 @@ def environment(folder: Path) -> dict[str, str]:
     return own | {"BLENDER_USER_RESOURCES": str(folder / "blender")}
 
 
-@cache
 def extension_command() -> Path:
     """Return Blender's own command for extensions, which runs without Blender."""
-    found = list(
-        Path(python()).parents[1].glob("lib/python*/site-packages/bpy/*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
-    )
+    found = list(python().parents[1].glob("lib/python*/site-packages/bpy/*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
     assert found, "bpy has no command for extensions"
     return found[0]
 

@@ -20,14 +20,15 @@ Rows = dict[str, dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def jobs() -> dict[str, Rows]:
-    """Rows by job, of those that have run: a job renders all of its scenes."""
+    """Rows by job and version, of those that have run: a job renders all of its scenes."""
     return {}
 
 
 def rows_of(jobs: dict[str, Rows], job: str, folder: Path) -> Rows:
-    if job not in jobs:
-        jobs[job] = {row["name"]: row for row in host.run(job, folder)}
-    return jobs[job]
+    key = f"{job} in {host.version()}"
+    if key not in jobs:
+        jobs[key] = {row["name"]: row for row in host.run(job, folder)}
+    return jobs[key]
 
 
 def compare(rows: Rows, name: str) -> tuple[float, float, set[str]]:
@@ -43,8 +44,9 @@ def compare(rows: Rows, name: str) -> tuple[float, float, set[str]]:
 
 
 @pytest.mark.parametrize(("job", "name"), [(job, name) for job, names in EXPECTED.items() for name in names])
-def test_beside_cycles(job: str, name: str, jobs: dict[str, Rows], tmp_path_factory: pytest.TempPathFactory) -> None:
-    host.python()
+def test_beside_cycles(
+    blender: str, job: str, name: str, jobs: dict[str, Rows], tmp_path_factory: pytest.TempPathFactory
+) -> None:
     expected = EXPECTED[job][name]
     mean, each, codes = compare(rows_of(jobs, job, tmp_path_factory.mktemp(job)), name)
     assert abs(mean - expected.mean) <= expected.tolerance, f"mean off by {mean:+.4f}"

@@ -14,7 +14,7 @@ import primray
 from . import host
 
 
-def test_blender_s_own_command_validates_it(tmp_path: Path) -> None:
+def test_blender_s_own_command_validates_it(blender: str, tmp_path: Path) -> None:
     built = host.build(tmp_path)
     for what in (host.ADDON, built):
         words = [str(host.python()), str(host.extension_command()), "validate", str(what)]
@@ -36,7 +36,7 @@ def test_every_file_names_its_licence() -> None:
         assert file.read_text(encoding="utf-8").startswith("# SPDX-License-Identifier: GPL-3.0-or-later\n"), file
 
 
-def test_a_first_hour(tmp_path: Path) -> None:
+def test_a_first_hour(blender: str, tmp_path: Path) -> None:
     """An image of a sky, hair and an instancer; the stage that was exported has the same bits from here."""
     rows = {row["name"]: row for row in host.run("first_hour", tmp_path)}
     assert "error" not in rows["first hour"], rows
@@ -53,7 +53,7 @@ def test_a_first_hour(tmp_path: Path) -> None:
     assert (again.pixels[..., :3] == ours).all()
 
 
-def test_what_goes_wrong_is_said_and_blender_goes_on(tmp_path: Path) -> None:
+def test_what_goes_wrong_is_said_and_blender_goes_on(blender: str, tmp_path: Path) -> None:
     rows = {row["name"]: row["error"] for row in host.run("failures", tmp_path)}
     assert "camera" in rows["no camera"]
     assert "/nowhere/python" in rows["no Python"]
