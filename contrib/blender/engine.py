@@ -28,12 +28,13 @@ class Kept:
         self.notes: list[dict[str, str]] = []
         self.stage = ""
         self.exports = 0
+        self.exported: dict[str, int] = {}  # objects and materials that the last frame did not take from earlier ones
         # Tests cancel by it: without windows nobody presses Escape.
         self.is_cancelled: Callable[[], bool] = lambda: False
 
     def exporting(self) -> Lines:
         if self.exporter is None or not self.exporter.is_alive:
-            self.exporter = exporter("" if bpy.app.module else bpy.app.binary_path)
+            self.exporter = exporter(bpy.app.binary_path)
         return self.exporter
 
     def rendering(self, python: str) -> Lines:
@@ -135,7 +136,7 @@ class PrimrayEngine(bpy.types.RenderEngine):  # type: ignore[misc]
             for image in bpy.data.images
             if image.is_dirty and image.users and image.type == "IMAGE"
         ]
-        KEPT.notes, KEPT.stage = [*answer["notes"], *unsaved], answer["stage"]
+        KEPT.notes, KEPT.stage, KEPT.exported = [*answer["notes"], *unsaved], answer["stage"], answer["exported"]
         return answer
 
     def _show(self, process: Lines, pixels: Path, layer: str, exported: dict[str, Any]) -> None:

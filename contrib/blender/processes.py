@@ -87,7 +87,7 @@ class Lines:
 
 
 def exporter(binary: str) -> Lines:
-    """Start a background Blender; `binary` is Blender's own, or "" where Blender is a module of this Python."""
+    """Start a background Blender; `binary` is Blender's own, and "" where Blender is a module of this Python."""
     code = EXPORT.format(folder=str(HERE))
     environment = dict(os.environ)
     if binary:

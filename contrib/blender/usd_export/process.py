@@ -19,7 +19,7 @@ bpy.utils.expose_bundled_modules()
 
 from pxr import Usd, UsdGeom  # noqa: E402 - Blender's own USD, which has to be exposed first
 
-from . import camera, geometry, lights, materials, world  # noqa: E402
+from . import camera, geometry, lights, materials, reuse, world  # noqa: E402
 
 MARK = "primray: "
 WANTED = {
@@ -102,7 +102,11 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
     UsdGeom.Scope.Define(layer, scope)
     found = geometry.Found()
 
+    shapes = reuse.Shapes()
+
     def collect(depsgraph: Any) -> None:
+        nonlocal shapes
+        shapes = reuse.look_at(depsgraph)
         _write_lights_and_camera(layer, scope, depsgraph, folder, note)
         geometry.find_instances(depsgraph, found, note)
 
@@ -124,8 +128,7 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
                     image.unpack(method="REMOVE")
     exported = folder / "blender.usdc"
     _use_layer(scene, request["layer"])
-    known = bpy.ops.wm.usd_export.get_rna_type().properties.keys()
-    bpy.ops.wm.usd_export(filepath=str(exported), **{name: value for name, value in WANTED.items() if name in known})
+    counts = reuse.export(scene, request["layer"], exported, shapes, found, names, _write_shapes)
     layer.GetRootLayer().subLayerPaths.append(f"./{exported.name}")
     geometry.write_instances(layer, scope, geometry.prims_by_object(layer), names)
     geometry.group_glowing_meshes(layer, geometry.prims_by_object(layer))
@@ -134,7 +137,15 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
     camera.write_settings(layer, scene, f"{scope}/camera", request.get("settings", {}))
     layer.GetRootLayer().Save()
     known = geometry.blender_names(layer, names)
-    return {"stage": str(file), "notes": notes, "names": known, "transparent": scene.render.film_transparent}
+    return {"stage": str(file), "notes": notes, "names": known, "transparent": scene.render.film_transparent,
+            "exported": counts}  # fmt: skip
+
+
+def _write_shapes(**values: Any) -> None:
+    known = bpy.ops.wm.usd_export.get_rna_type().properties.keys()
+    bpy.ops.wm.usd_export(
+        **{name: value for name, value in {**WANTED, **values}.items() if name in known or name == "filepath"}
+    )
 
 
 def _use_layer(scene: Any, name: str) -> None:

@@ -498,6 +498,64 @@ def showcase(asked):
     both("showcase", asked["folder"])
 
 
+def keyed(owner, path, values, index=-1):
+    for frame, value in enumerate(values, 1):
+        if index < 0:
+            setattr(owner, path, value)
+        else:
+            getattr(owner, path)[index] = value
+        owner.keyframe_insert(path, index=index, frame=frame)
+
+
+def moving():
+    """A scene in which between frames something moves, deforms, appears and has another look, and the most stays."""
+    scene = empty(48, samples=4)
+    floor()
+    for k in range(6):
+        bpy.ops.mesh.primitive_cube_add(size=0.4, location=(k / 2 - 1.3, 1.2, 0.2))
+        bpy.context.object.data.materials.append(material(f"look {k}", Base_Color=(k / 6, 0.4, 0.5, 1)))
+        bpy.context.object.name = f"still {k}"
+    bpy.ops.mesh.primitive_cube_add(size=0.6, location=(-1, 0, 0.4), rotation=(0.1, 0.2, 0.3), scale=(1, 1.3, 0.8))
+    parent = bpy.context.object
+    parent.name = "moves, above"
+    parent.data.materials.append(material("changes"))
+    bpy.ops.mesh.primitive_cube_add(size=0.3, location=(0.1, 0.2, 0.6))
+    bpy.context.object.parent, bpy.context.object.name = parent, "moves, below"
+    keyed(parent, "location", (-1.0, -0.6, -0.2), 0)
+    socket = bpy.data.materials["changes"].node_tree.nodes["Principled BSDF"].inputs["Roughness"]
+    for frame, value in enumerate((0.2, 0.5, 0.5), 1):
+        socket.default_value = value
+        socket.keyframe_insert("default_value", frame=frame)
+    bpy.ops.mesh.primitive_cube_add(size=0.6, location=(0.9, -0.2, 0.4))
+    body = bpy.context.object
+    body.name = "deforms"
+    body.shape_key_add(name="basis")
+    key = body.shape_key_add(name="other")
+    for point in key.data:
+        point.co.z *= 1.5
+    keyed(key, "value", (0.0, 0.0, 1.0))
+    body.modifiers.new("smooth", "SUBSURF")
+    bpy.ops.mesh.primitive_cube_add(size=0.3, location=(0, -1, 0.2))
+    bpy.context.object.name = "appears"
+    keyed(bpy.context.object, "hide_render", (True, True, False))
+    collections()
+    world((0.6, 0.6, 0.6))
+    camera((0, -5, 4), (math.radians(52), 0, 0), lens=35.0)
+    return scene
+
+
+def animation(asked):
+    """The frames of a scene, each exported after the ones before it and by itself."""
+    scene = moving()
+    for kind in ("after others", "alone"):
+        for frame in (1, 2, 3, 3):
+            if kind == "alone" and kept().exporter is not None:
+                kept().exporter.end()
+            scene.frame_set(frame)
+            file = render("PRIMRAY", f"{asked['folder']}/{kind}.{frame}.exr")
+            say(name=kind, frame=frame, file=file, exported=kept().exported, notes=kept().notes)
+
+
 def failures(asked):
     """What goes wrong is an error of the operator, and Blender goes on."""
     scene = empty()
