@@ -67,7 +67,8 @@ class Shot:
 
 @dataclass(frozen=True)
 class StageResult:
-    """`verdict`: identical, unchanged (within noise), undecided, changed, new, deleted, broken, mended, unrendered."""
+    """`verdict`: identical, unchanged (within noise), undecided, changed, new, deleted, broken, mended, or unrendered: neither
+    side can be."""
 
     stage: str
     verdict: str
@@ -107,7 +108,12 @@ def judged(touched: Touched, sides: Sides, asked: Asked) -> StageResult:
     try:
         if first is None or last is None or scene is None or other is None:
             verdict = "unrendered" if first is last else "broken" if last is None else "mended"
-            return StageResult(touched.path, verdict, later_fault or fault, touched.changes, notes=notes)
+            words = {
+                "unrendered": f"cannot be rendered on either side: {later_fault}",
+                "broken": later_fault,
+                "mended": f"could not be rendered before: {fault}",
+            }
+            return StageResult(touched.path, verdict, words[verdict], touched.changes, notes=notes)
         times, more = _times(touched, sides, scene, other, asked)
         notes += more
         pairs = [(_at(scene, time, asked), _at(other, time, asked)) for time in times]

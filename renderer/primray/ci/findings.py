@@ -12,9 +12,9 @@ from .repository import Sides
 from .touched import Reach
 
 MARKER = "<!-- primray ci -->"
-LONGEST_COMMENT = 60_000  # letters; GitHub refuses more than 65,536
+LONGEST_COMMENT = 60_000  # bytes of UTF-8; GitHub refuses more than 65,536 letters
 _SHOWN = 12  # edits of a stage in text
-EXIT_CODES = {"broken": 3, "changed": 1, "new": 1, "deleted": 1, "mended": 1, "undecided": 6}
+EXIT_CODES = {"broken": 3, "changed": 1, "new": 1, "deleted": 1, "mended": 1, "undecided": 6, "unrendered": 6}
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Findings:
 
     @property
     def exit_code(self) -> int:
-        """3: a layer or a stage can no longer be read; 1: changed; 6: undecided, or stages left out; 0: nothing changed."""
+        """3: a layer or a stage can no longer be read; 1: changed; 6: undecided, never readable or left out; 0: no change."""
         codes = {EXIT_CODES.get(stage.verdict, 0) for stage in self.stages}
         codes |= {3} if self.reach.unreadable else set()
-        codes |= {6} if self.reach.left_out else set()
+        codes |= {6} if self.reach.left_out or self.reach.never_readable else set()
         return next(code for code in (3, 1, 6, 0) if code in codes | {0})
 
     @property
@@ -52,6 +52,7 @@ def as_json(found: Findings) -> dict[str, Any]:
         "exit_code": found.exit_code,
         "changes": [{"before": change.before, "after": change.after} for change in found.sides.changes],
         "unreadable": list(found.reach.unreadable),
+        "never_readable": list(found.reach.never_readable),
         "unused": list(found.reach.unused),
         "left_out": found.reach.left_out,
         "stages": [_stage_json(stage) for stage in found.stages],
@@ -98,6 +99,8 @@ def lines(found: Findings) -> Iterator[str]:
     yield found.summary
     for path in found.reach.unreadable:
         yield f"  broken: {path} cannot be read after the change"
+    for path in found.reach.never_readable:
+        yield f"  {path} cannot be read on either side"
     if found.reach.left_out:
         yield f"  {found.reach.left_out} more stages are touched and were not rendered (--most)"
     for stage in found.stages:
@@ -126,20 +129,22 @@ def effect_words(effect: Effect) -> str:
 
 
 def comment(found: Findings, link: str = "") -> str:
-    """Return Markdown of at most LONGEST_COMMENT letters that begins with a hidden marker, by which it is found again."""
+    """Return Markdown of at most LONGEST_COMMENT bytes that begins with a hidden marker, by which it is found again."""
     parts = [MARKER, f"### primray ci: {found.summary}", f"Base {found.sides.base[:12]}, {found.sides.head}."]
     if link:
         parts.append(f"[Page with pictures]({link})")
     parts += [f"- **broken**: {_code(path)} cannot be read after the change" for path in found.reach.unreadable]
+    parts += [f"- {_code(path)} cannot be read on either side" for path in found.reach.never_readable]
     if found.reach.left_out:
         parts.append(f"{found.reach.left_out} more stages are touched and were not rendered.")
-    ending = "\n\nThis is cut: the page has all of it.\n"
-    text = "\n\n".join(parts)
-    for stage in found.stages:
-        section = "\n\n" + "\n".join(_section(stage))
-        if len(text) + len(section) + len(ending) > LONGEST_COMMENT:
-            return text + ending
-        text += section
+    parts += ["\n".join(_section(stage)) for stage in found.stages]
+    ending = "\n\nThis is cut: the page has all of it."
+    text = ""
+    for part in parts:
+        longer = f"{text}\n\n{part}" if text else part
+        if len((longer + ending).encode()) >= LONGEST_COMMENT:
+            return text + ending + "\n"
+        text = longer
     return text + "\n"
 
 

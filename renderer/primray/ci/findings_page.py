@@ -30,6 +30,7 @@ def write_page(found: Findings, path: Path) -> None:
         for n, stage in enumerate(found.stages)
     )
     told = [f"{name} cannot be read after the change" for name in found.reach.unreadable]
+    told += [f"{name} cannot be read on either side" for name in found.reach.never_readable]
     told += [f"{found.reach.left_out} more stages are touched and were not rendered"] if found.reach.left_out else []
     told += [f"no stage uses {', '.join(found.reach.unused[:20])}"] if found.reach.unused else []
     notes = "".join(f"<p>{escape(text)}</p>" for text in told)

@@ -13,6 +13,8 @@ from pathlib import Path
 
 from ..errors import SettingsError
 
+FETCH_ALL = "git fetch --unshallow origin '+refs/heads/*:refs/remotes/origin/*'"
+
 
 @dataclass(frozen=True)
 class Change:
@@ -93,21 +95,27 @@ def _usual_base(root: Path) -> str:
     for name in ("origin/HEAD", "origin/main", "origin/master", "main", "master"):
         if _answers(root, "rev-parse", "--verify", "--quiet", f"{name}^{{commit}}"):
             return name
-    raise SettingsError("there is no branch main or master to compare with: name a commit", code="git")
+    raise SettingsError(f"there is no branch main or master to compare with: name a commit{_if_shallow(root)}", code="git")
 
 
 def _merge_base(root: Path, base: str, head: str) -> str:
     commit = _commit(root, base)
     if not _answers(root, "merge-base", commit, head):
-        sentence = f"{base} and {head[:12]} have no commit in common here; a shallow clone needs `git fetch --unshallow`"
-        raise SettingsError(sentence, code="git")
+        raise SettingsError(f"{base} and {head[:12]} have no commit in common here{_if_shallow(root)}", code="git")
     return _git(root, "merge-base", commit, head).strip()
 
 
 def _commit(root: Path, name: str) -> str:
     if name.startswith("-") or not _answers(root, "rev-parse", "--verify", "--quiet", f"{name}^{{commit}}"):
-        raise SettingsError(f"git knows no commit {name!r} here", code="git")
+        raise SettingsError(f"git knows no commit {name!r} here{_if_shallow(root)}", code="git")
     return _git(root, "rev-parse", "--verify", f"{name}^{{commit}}").strip()
+
+
+def _if_shallow(root: Path) -> str:
+    """Return how to fetch what a shallow clone lacks: all branches, as such a clone knows one alone; "" for another clone."""
+    if _git(root, "rev-parse", "--is-shallow-repository").strip() != "true":
+        return ""
+    return f"; this clone is shallow: `{FETCH_ALL}` fetches the rest (in a workflow, `fetch-depth: 0` of actions/checkout)"
 
 
 def _answers(root: Path, *words: str) -> bool:

@@ -25,24 +25,25 @@ class Touched:
 
 @dataclass(frozen=True)
 class Reach:
-    """`unreadable`: changed layers that cannot be parsed after the change; `unused`: changed files that no stage names."""
+    """`unreadable`: changed layers that only the side before can parse; `unused`: changed files that no stage names."""
 
     stages: tuple[Touched, ...]
     left_out: int  # stages beyond the most that were asked for
     unreadable: tuple[str, ...]
+    never_readable: tuple[str, ...]  # changed layers that neither side can parse
     unused: tuple[str, ...]
 
 
 def reach(sides: Sides, patterns: Sequence[str], most: int) -> Reach:
     """Return the stages that are touched: those that match a pattern, or else those that no other stage names."""
     named: dict[str, set[str]] = {}
-    unreadable: set[str] = set()
+    broken_before: set[str] = set()
+    broken_after: set[str] = set()
     for side in (sides.before, sides.after):
         for path in _stage_files(side):
             found, broken = files_named(str(side / path))
             named.setdefault(path, set()).update(_relative(found, side))
-            if side is sides.after:
-                unreadable |= _relative(broken, side)
+            (broken_after if side is sides.after else broken_before).update(_relative(broken, side))
     inner = {file for path, files in named.items() for file in files - {path}}
     roots = [p for p in sorted(named) if any(fnmatch(p, each) for each in patterns)] if patterns else []
     if not patterns:
@@ -52,12 +53,15 @@ def reach(sides: Sides, patterns: Sequence[str], most: int) -> Reach:
         met = tuple(change for change in sides.changes if change.paths & named[path])
         if met:
             touched.append(Touched(path, met, frozenset(named[path])))
+    unreadable = [change for change in sides.changes if change.after in broken_after]
+    never = [change for change in unreadable if change.before in broken_before]
     changed = {path for change in sides.changes for path in change.paths}
     used = {path for stage in touched for path in stage.files}
     return Reach(
         tuple(touched[:most]),
         max(0, len(touched) - most),
-        tuple(sorted(unreadable & changed)),
+        tuple(sorted(str(change.after) for change in unreadable if change not in never)),
+        tuple(sorted(str(change.after) for change in never)),
         tuple(sorted(changed - used)),
     )
 

@@ -203,7 +203,8 @@ def replace(folder: Path, name: str, *pairs: tuple[str, str]) -> None:
 
 @dataclass(frozen=True)
 class Commit:
-    """`verdicts`: of each stage that must be touched; `moves`: edits that must move pixels, `still`: those that must not."""
+    """`verdicts`: of each stage that must be touched; `moves`: edits that must move pixels, `still`: those that must not;
+    `before`: what the commit before adds to the repository."""
 
     name: str
     change: Callable[[Path], object]
@@ -211,6 +212,7 @@ class Commit:
     verdicts: dict[str, str]
     moves: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
+    before: Callable[[Path], object] | None = None
 
 
 def _edits(name: str, *pairs: tuple[str, str]) -> Callable[[Path], object]:
@@ -336,6 +338,36 @@ COMMITS = (
     Commit("texture renamed and followed", lambda f: _rename(f, following=True), 0, SAME),
     Commit("missing layer comes", _late, 1, CHANGED, ("late.usda (new)",)),
     Commit("syntax error", _edits("lights", ("float inputs", "float float inputs")), 3, CHANGED),
+    Commit(
+        "syntax error mended",
+        _edits("lights", ("float float inputs", "float inputs")),
+        1,
+        CHANGED,
+        ("lights.usda",),
+        before=_edits("lights", ("float inputs", "float float inputs")),
+    ),
+    Commit(
+        "syntax error on both sides",
+        _edits("lights", ("intensity = 3", "intensity = 4")),
+        6,
+        SAME,
+        before=_edits("lights", ("float inputs", "float float inputs")),
+    ),
+    Commit("stage with a syntax error", _edits("other", ("color3f[]", "color3f")), 3, {"other.usda": "broken"}),
+    Commit(
+        "stage mended",
+        _edits("other", ("color4f", "color3f[]")),
+        1,
+        {"other.usda": "mended"},
+        before=_edits("other", ("color3f[]", "color4f")),
+    ),
+    Commit(
+        "stage with a syntax error on both sides",
+        _edits("other", ("0.8, 0.1", "0.1, 0.8")),
+        6,
+        {"other.usda": "unrendered"},
+        before=_edits("other", ("color3f[]", "color4f ")),
+    ),
     Commit("pointer", _pointed, 1, CHANGED, ("paint.png",)),
     Commit("comment", _edits("lights", ("#usda 1.0\n", "#usda 1.0\n# a comment\n")), 0, SAME),
     Commit("documentation", _edits("asset", ('defaultPrim = "Asset"', 'defaultPrim = "Asset"\n    doc = "words"')), 0, SAME),

@@ -4,15 +4,20 @@ identical."""
 from __future__ import annotations
 
 import json
+import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from primray.ci.findings import LONGEST_COMMENT, MARKER
+from primray.ci.attribution import Effect, StageResult
+from primray.ci.findings import LONGEST_COMMENT, MARKER, Findings, comment
+from primray.ci.repository import FETCH_ALL, Sides
+from primray.ci.touched import Reach
 from primray.cli import run
 
 from .commits import COMMITS, KEY, Commit, commit, git, make_repository, replace
+from .kinds_of_files import KINDS
 
 SMALL = ["--imageWidth", "48", "--spp", "16"]
 
@@ -31,8 +36,11 @@ def judged(folder: Path, *flags: str) -> tuple[int, dict[str, Any]]:
     return code, json.loads((out / "report.json").read_text())
 
 
-@pytest.mark.parametrize("one", COMMITS, ids=lambda one: one.name)
+@pytest.mark.parametrize("one", [*COMMITS, *KINDS], ids=lambda one: one.name)
 def test_commits_of_known_effect(one: Commit, repository: Path) -> None:
+    if one.before is not None:
+        one.before(repository)
+        commit(repository, "before")
     git(repository, "switch", "--quiet", "--create", "change")
     one.change(repository)
     commit(repository, one.name)
@@ -63,12 +71,12 @@ def test_the_working_tree_and_what_is_staged(repository: Path) -> None:
 def test_the_page_and_the_comment(repository: Path) -> None:
     replace(repository, "lights", ("intensity = 3", 'intensity = 6\n        custom string s = "<b>@all</b>"'))
     code, report = judged(repository, "--link", "https://example.org/page")
-    comment, page = ((repository.parent / "out" / name).read_text() for name in ("comment.md", "index.html"))
+    text, page = ((repository.parent / "out" / name).read_text() for name in ("comment.md", "index.html"))
     assert code == 1
-    assert comment.startswith(MARKER)
-    assert "https://example.org/page" in comment
-    assert "<b>" not in comment
-    assert "@all" not in comment
+    assert text.startswith(MARKER)
+    assert "https://example.org/page" in text
+    assert "<b>" not in text
+    assert "@all" not in text
     assert "<b>" not in page
     assert page.count("<img") >= 5
     assert KEY in page
@@ -76,13 +84,42 @@ def test_the_page_and_the_comment(repository: Path) -> None:
     assert [edit["edit"] for edit in stage["edits"]] == [KEY, "/World/key.s"]
 
 
-def test_a_long_comment_is_cut(repository: Path) -> None:
-    for k in range(40):
-        name = f"{'n' * 150}{k}"
-        (repository / f"{name}.usda").write_text(f'#usda 1.0\ndef Scope "s"\n{{\n    double a = {k}\n}}\n')
-    judged(repository, "--most", "60")
-    comment = (repository.parent / "out" / "comment.md").read_text()
-    assert len(comment) <= LONGEST_COMMENT
+def test_a_long_comment_is_cut() -> None:
+    """GitHub refuses a comment above a length; letters that UTF-8 writes in three bytes count so."""
+    effects = tuple(Effect(f"/World/{'漢' * 60}{k}", "a.usda", ("1", "2"), 1) for k in range(12))
+    sides = Sides(Path("before"), Path("after"), "0" * 40, "HEAD", ())
+    for count in (1, 100):
+        stages = tuple(StageResult(f"{k}.usda", "changed", "", (), effects=effects) for k in range(count))
+        text = comment(Findings(sides, Reach((), 0, (), (), ()), stages, 0.01))
+        assert text.startswith(MARKER)
+        assert ("This is cut" in text) == (count == 100)
+    assert 0.9 * LONGEST_COMMENT < len(text.encode()) <= LONGEST_COMMENT
+
+
+def test_a_comment_on_many_broken_layers_is_cut(repository: Path) -> None:
+    name = "\u6f22" * 60
+    for k in range(400):
+        (repository / f"{name}{k}.usda").write_text("#usda 1.0\ndef {\n")
+    assert run(["ci", "main", "-o", "out", *SMALL, "--most", "1"]) == 3
+    written = (repository / "out" / "comment.md").read_bytes()
+    assert 0.9 * LONGEST_COMMENT < len(written) <= LONGEST_COMMENT
+
+
+def test_a_shallow_clone_says_how_to_fetch_the_rest(
+    repository: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    git(repository, "switch", "--quiet", "--create", "change")
+    replace(repository, "lights", ("intensity = 3", "intensity = 6"))
+    commit(repository, "brighter")
+    git(repository, "switch", "--quiet", "main")
+    shallow = repository.parent / "shallow"
+    git(repository.parent, "clone", "--quiet", "--depth", "1", "--branch", "change", f"file://{repository}", str(shallow))
+    monkeypatch.chdir(shallow)
+    for words in ([], ["main"], ["origin/main"]):
+        assert run(["ci", *words, *SMALL]) == 2
+        assert FETCH_ALL in capsys.readouterr().err.replace("\n", " ")
+    subprocess.run(FETCH_ALL, shell=True, check=True, capture_output=True)
+    assert run(["ci", "origin/main", *SMALL]) == 1
 
 
 def test_edits_beyond_the_most_are_put_together(repository: Path) -> None:
