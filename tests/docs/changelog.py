@@ -8,6 +8,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from packaging.version import Version
+
 CHANGELOG = Path(__file__).resolve().parents[2] / "CHANGELOG.md"
 HEADINGS = ("Breaking", "Added", "Changed", "Faster", "Fixed", "Removed")
 
@@ -21,14 +23,14 @@ def faults(text: str, version: str) -> Iterator[str]:
     titles = [part.partition("\n")[0] for part in parts]
     if titles[:1] != ["Unreleased"]:
         yield "does not begin with the section 'Unreleased'"
-    released = [re.fullmatch(r"(\d+)\.(\d+)\.(\d+) \((.+)\)", title) for title in titles[1:]]
+    released = [re.fullmatch(r"(\d+\.\d+\.\d+(?:rc\d+)?) \((.+)\)", title) for title in titles[1:]]
     for title, found in zip(titles[1:], released, strict=True):
-        if not found or not _is_date(found[4]):
+        if not found or not _is_date(found[2]):
             yield f"has a section {title!r}, not 'x.y.z (year-month-day)'"
-    numbers = [tuple(int(part) for part in found.groups()[:3]) for found in released if found]
+    numbers = [Version(found[1]) for found in released if found]
     if any(later <= earlier for later, earlier in itertools.pairwise(numbers)):
         yield "has versions that do not go from new to old"
-    if numbers[:1] != [tuple(int(part) for part in version.split("."))]:
+    if numbers[:1] != [Version(version)]:
         yield f"does not have {version}, the package's version, as its newest"
     for title, part in zip(titles, parts, strict=True):
         yield from (f"{title}: {why}" for why in _section_faults(part, is_unreleased=title == "Unreleased"))

@@ -89,12 +89,38 @@ def test_a_release_is_a_commit_that_can_be_tagged(scratch):
     assert git(scratch, "tag", "--list", "--format=%(refname:short) %(contents:subject)") == f"v{NEXT} ### Added"
 
 
+def test_a_candidate_comes_before_its_release(scratch):
+    for version in (f"{NEXT}rc1", f"{NEXT}rc2", NEXT):
+        ended = release(scratch, f"VERSION={version}")
+        assert ended.returncode == 0, ended.stderr
+        changes = (scratch / "CHANGELOG.md").read_text(encoding="utf-8")
+        assert not list(faults(changes, version))
+        (scratch / "CHANGELOG.md").write_text(changes.replace("## Unreleased\n", f"## Unreleased\n{ENTRY}"), encoding="utf-8")
+        commit(scratch)
+    assert "is not newer" in release(scratch, f"VERSION={NEXT}rc3").stderr
+
+
+def notes(root: Path, version: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([root / ".ci/release", "--notes", version], cwd=root, capture_output=True, text=True)
+
+
+def test_notes_of_a_version_are_what_the_changelog_says_of_it(scratch):
+    assert release(scratch, f"VERSION={NEXT}").returncode == 0
+    assert notes(scratch, NEXT).stdout == (scratch / f"out/release-notes-{NEXT}.md").read_text(encoding="utf-8")
+    assert notes(scratch, __version__).stdout.strip()
+    none = notes(scratch, f"{NEXT}rc1")
+    assert (none.returncode, none.stdout) == (1, "")
+    assert f"says nothing of {NEXT}rc1" in none.stderr
+
+
 def test_what_passed_elsewhere_is_not_checked_again(scratch):
     assert release(scratch, f"VERSION={NEXT}", f"CHECKED={git(scratch, 'rev-parse', 'HEAD')}").returncode == 0
     assert not (scratch / "out/checked").exists()
 
 
-@pytest.mark.parametrize("version", ["", "1", "v9.0.0", "9.0", "9.0.0rc1", "09.0.0", __version__, "0.0.1"])
+@pytest.mark.parametrize(
+    "version", ["", "1", "v9.0.0", "9.0", "9.0.0rc", "9.0.0rc0", "9.0.0b1", "09.0.0", __version__, "0.0.1"]
+)
 def test_a_version_that_is_none_or_not_newer(scratch, version):
     assert f"VERSION={version} is not" in refused(scratch, f"VERSION={version}")
 
