@@ -139,6 +139,25 @@ struct FirstHitPlanes {
   }
 };
 
+// Surfaces along rays through points of the film, each once, in the order in which the ray hits them first. Rays pass what they
+// hit: half-present surfaces and cutout holes are none, as for other point samples.
+struct Layer {
+  int32_t shape, instance, outer;  // as in FirstHitPlanes
+  float depth, distance;           // scene units
+};
+struct LayerPoints {
+  std::vector<float> x, y;      // pixels of the frame, right and down from its upper left corner
+  bool first_only = false;      // rays end at the first surface
+  std::vector<uint32_t> count;  // layers by point
+  // The layers of points, one task after the other.
+  static constexpr size_t kTask = 4096;  // points
+  std::vector<std::vector<Layer>> by_task;
+};
+
+// Finds the layers of all points on threads, W = `lanes` rays at a time; no bit depends on either. Points are seen at the
+// frame's time, with a rolling shutter in the middle of their row's and column's exposure.
+void find_layers(const Scene& scene, int lanes, int threads, LayerPoints& points);
+
 // Fills the pixels of the film's rows [first_row, end_row) on threads, W = `lanes` rays at a time; no bit depends on either.
 void find_first_hits(const Scene& scene, int lanes, int threads, int first_row, int end_row, FirstHitPlanes& planes);
 

@@ -198,6 +198,38 @@ class FirstHitTask {
     }
   }
 
+  // Surfaces along the rays of one task's points.
+  void layers(LayerPoints& points, size_t task) {
+    const size_t begin = task * LayerPoints::kTask, end = std::min(begin + LayerPoints::kTask, points.x.size());
+    std::vector<Layer> lane_layers[W];
+    Camera camera = scene_.motion.rolls ? scene_.camera : at_frame_;
+    camera.lens_radius = 0, camera.filter.box_width = 1, camera.filter.inverse_cdf.clear();
+    for (size_t at = begin; at < end; at += W) {
+      alignas(64) int32_t x[W], y[W], lane[W];
+      alignas(64) float u[W], v[W];
+      for (int i = 0; i < W; ++i) {
+        const size_t k = std::min(at + size_t(i), end - 1);
+        const float px = std::floor(points.x[k]), py = std::floor(points.y[k]);
+        x[i] = int32_t(px), y[i] = int32_t(py), u[i] = points.x[k] - px, v[i] = points.y[k] - py;
+        lane[i] = at + size_t(i) < end ? 1 : 0;
+        lane_layers[i].clear();
+      }
+      const I column = load<W>(x), row = load<W>(y);
+      const F time = row_time(column, row), zero(0.0f);
+      const CameraRay<W> ray = camera.template ray<W>(column, row, load<W>(u), load<W>(v), zero, zero, time);
+      const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, Bend<W>&) {
+        const B there = hit & (rows(kPresence) >= F(kThere));
+        if (any(there)) add_layers(there, ray, time, hits, it, lane_layers);
+        return points.first_only ? hit & !there : hit;
+      };
+      follow((load<W>(lane) == I(1)) & ray.exists(), ray, time, [](B, const V&) {}, nullptr, std::ref(seen));
+      for (int i = 0; i < W && at + size_t(i) < end; ++i) {
+        points.count[at + size_t(i)] = uint32_t(lane_layers[i].size());
+        points.by_task[task].insert(points.by_task[task].end(), lane_layers[i].begin(), lane_layers[i].end());
+      }
+    }
+  }
+
   // Denoiser guides over the lens, the filter and the shutter interval, so that their edges are as soft as the image's.
   void guides(const PixelRect& r) { means(r, true, planes_.guide_albedo, planes_.guide_normal); }
 
@@ -300,6 +332,37 @@ class FirstHitTask {
     const int32_t surface = find(scene_.interiors.volume_of, object.volume), mesh = find(scene_.meshes.surface, surface);
     const int32_t shape = mesh >= 0 ? mesh : -2 - find(scene_.curved.surface, surface);
     return {shape, surface, object.instance, object.outer, 0};
+  }
+
+  // Adds what lanes `m` hit to their layers, unless it is there.
+  void add_layers(B m, const CameraRay<W>& ray, F time, const Hits<W>& hits, const Interaction<W>& it,
+                  std::vector<Layer> (&lane_layers)[W]) const {
+    const HitGroup<W> in(scene_, m, hits);
+    const SurfacePoint<W> point(scene_, m, hits);
+    for (uint32_t b = bits(m); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      Layer layer{point.is_triangle[i] ? it.mesh[i] : -2 - it.curved[i], in.instanced[i] ? in.instance[i] : -1,
+                  in.grouped[i] ? in.outer[i] : -1, 0, 0};
+      const auto is_same = [&](const Layer& o) {
+        return o.shape == layer.shape && o.instance == layer.instance && o.outer == layer.outer;
+      };
+      if (std::any_of(lane_layers[i].begin(), lane_layers[i].end(), is_same)) continue;
+      const Affine<float> c = scene_.motion.rolls ? scene_.camera.pose_at(time[i]) : at_frame_.world_from_camera;
+      const dvec3 at{it.p.x[i], it.p.y[i], it.p.z[i]}, from{ray.o.x[i], ray.o.y[i], ray.o.z[i]};
+      layer.depth = float(-dot(at - dvec3(c.o), dvec3(c.z)) * unit_);
+      layer.distance = float(dot(at - from, {ray.d.x[i], ray.d.y[i], ray.d.z[i]}) * unit_);
+      lane_layers[i].push_back(layer);
+    }
+  }
+
+  // The frame's time, or with a rolling shutter the middle of the exposure of a pixel's row and column.
+  F row_time(I px, I py) const {
+    const MotionTable& motion = scene_.motion;
+    if (!motion.rolls) return time_;
+    const I column = max(min(px, I(scene_.camera.width - 1)), I(0)), row = max(min(py, I(scene_.camera.height - 1)), I(0));
+    const F time =
+        F(motion.opens + 0.5f * motion.length) + to_float(column) * motion.per_column + to_float(row) * motion.per_row;
+    return min(max(time, 0.0f), F(1.0f));
   }
 
   F shutter_time(const Sampler<W>& sampler, I px, I py) const {
@@ -579,6 +642,13 @@ void fill_first_hits(const Scene& scene, const PixelRect& r, FirstHitPlanes& pla
   if (planes.wants(FirstHitSampling::kGuide)) task.guides(r);
   if (planes.wants(FirstHitSampling::kOcclusion)) task.occlusion(r);
   if (!planes.coverage.by_pixel.empty()) task.coverage(r);
+}
+
+// Fills the points of one task.
+template <int W>
+void fill_layers(const Scene& scene, size_t task, LayerPoints& points) {
+  FirstHitPlanes none;
+  FirstHitTask<W>(scene, none).layers(points, task);
 }
 
 }  // namespace primray

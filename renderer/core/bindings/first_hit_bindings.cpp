@@ -7,6 +7,7 @@
 
 #include <algorithm>
 
+#include "aov/extents.hpp"
 #include "aov/first_hit.hpp"
 #include "base/error.hpp"
 #include "bindings/arrays.hpp"
@@ -97,6 +98,77 @@ std::vector<OutArray<float, 3>> take_primvars(FirstHits& self) {
   return found;
 }
 
+// Returns the number of layers of each point (N), and of all of them, in order, (M, 3) shape, instance and outer instance, and
+// (M, 2) depth and distance. `positions`: (N, 2) pixels of the frame.
+std::tuple<OutArray<uint32_t, 1>, OutArray<int32_t, 2>, OutArray<float, 2>> layers(const Scene& scene,
+                                                                                   const InArray<float>& positions,
+                                                                                   bool first_only, int lanes, int threads) {
+  LayerPoints points;
+  points.first_only = first_only;
+  for (size_t i = 0; i + 1 < positions.size(); i += 2)
+    points.x.push_back(positions.data()[i]), points.y.push_back(positions.data()[i + 1]);
+  std::vector<int32_t> what;
+  std::vector<float> lengths;
+  {
+    const nb::gil_scoped_release released;
+    find_layers(scene, lanes, threads, points);
+    for (const std::vector<Layer>& task : points.by_task)
+      for (const Layer& l : task) {
+        what.insert(what.end(), {l.shape, l.instance, l.outer});
+        lengths.insert(lengths.end(), {l.depth, l.distance});
+      }
+  }
+  const size_t n = points.count.size(), m = lengths.size() / 2;
+  return {to_numpy(std::move(points.count), {n}), to_numpy(std::move(what), {m, 3}), to_numpy(std::move(lengths), {m, 2})};
+}
+
+// Returns (K, 2) group and shape of each part.
+OutArray<int32_t, 2> parts_of_groups(const Scene& scene) {
+  std::vector<int32_t> found;
+  for (const auto& [group, shape] : shapes_of_groups(scene)) found.insert(found.end(), {group, shape});
+  const size_t n = found.size() / 2;
+  return to_numpy(std::move(found), {n, 2});
+}
+
+// `parts`: (N, 4) shape, instance, outer instance, axes; `axes`: (B, 3, 4). Returns (N, 4) the box on the film, (N) the nearest
+// depth, (N, 2, 3) the corners in the axes, and (N) the number of points that are not seen.
+std::tuple<OutArray<double, 2>, OutArray<double, 1>, OutArray<double, 3>, OutArray<int64_t, 1>> extents(
+    const Scene& scene, const InArray<int32_t>& parts, const InArray<double>& axes, int threads) {
+  std::vector<ScenePart> asked;
+  for (size_t i = 0; i + 3 < parts.size(); i += 4) {
+    const int32_t* p = parts.data() + i;
+    asked.push_back({p[0], p[1], p[2], p[3]});
+  }
+  std::vector<daffine> of;
+  for (size_t i = 0; i + 11 < axes.size(); i += 12) of.push_back(affine_from_rows(axes.data() + i));
+  std::vector<double> film, nearest, corners;
+  std::vector<int64_t> unseen;
+  {
+    const nb::gil_scoped_release released;
+    for (const Extent& e : find_extents(scene, threads, asked, of)) {
+      film.insert(film.end(), std::begin(e.film), std::end(e.film));
+      nearest.push_back(e.nearest), unseen.push_back(e.unseen);
+      corners.insert(corners.end(), {e.low.x, e.low.y, e.low.z, e.high.x, e.high.y, e.high.z});
+    }
+  }
+  const size_t n = nearest.size();
+  return {to_numpy(std::move(film), {n, 4}), to_numpy(std::move(nearest), {n}), to_numpy(std::move(corners), {n, 2, 3}),
+          to_numpy(std::move(unseen), {n})};
+}
+
+// `points`: (N, 3) in the world. Returns (N, 3) x and y in pixels of the frame, NaN where they are not seen, and depth.
+OutArray<double, 2> project(const Scene& scene, const InArray<double>& points) {
+  std::vector<dvec3> world;
+  for (size_t i = 0; i + 2 < points.size(); i += 3)
+    world.push_back({points.data()[i], points.data()[i + 1], points.data()[i + 2]});
+  std::vector<double> found;
+  const double nowhere = std::numeric_limits<double>::quiet_NaN();
+  for (const ProjectedPoint& p : project_points(scene, world))
+    found.insert(found.end(), {p.seen ? p.x : nowhere, p.seen ? p.y : nowhere, p.depth});
+  const size_t n = world.size();
+  return to_numpy(std::move(found), {n, 3});
+}
+
 }  // namespace
 
 void bind_first_hit(nb::module_& m) {
@@ -116,6 +188,10 @@ void bind_first_hit(nb::module_& m) {
       .def("take", &take)
       .def("take_primvars", &take_primvars)
       .def_static("widths_of_planes", &widths_of_planes);
+  m.def("layers", &layers, nb::arg("scene"), nb::arg("positions"), nb::arg("first_only"), nb::arg("lanes"), nb::arg("threads"));
+  m.def("project", &project, nb::arg("scene"), nb::arg("points"));
+  m.def("parts_of_groups", &parts_of_groups, nb::arg("scene"));
+  m.def("extents", &extents, nb::arg("scene"), nb::arg("parts"), nb::arg("axes"), nb::arg("threads"));
 }
 
 }  // namespace primray

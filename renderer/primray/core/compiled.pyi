@@ -1256,6 +1256,24 @@ class FirstHits:
     @staticmethod
     def widths_of_planes() -> dict[str, int]: ...
 
+def layers(
+    scene: Scene, positions: NDArray[numpy.float32], first_only: bool, lanes: int, threads: int
+) -> tuple[
+    Annotated[NDArray[numpy.uint32], {"shape": (None,)}],
+    Annotated[NDArray[numpy.int32], {"shape": (None, None)}],
+    Annotated[NDArray[numpy.float32], {"shape": (None, None)}],
+]: ...
+def project(scene: Scene, points: NDArray[numpy.float64]) -> Annotated[NDArray[numpy.float64], {"shape": (None, None)}]: ...
+def parts_of_groups(scene: Scene) -> Annotated[NDArray[numpy.int32], {"shape": (None, None)}]: ...
+def extents(
+    scene: Scene, parts: NDArray[numpy.int32], axes: NDArray[numpy.float64], threads: int
+) -> tuple[
+    Annotated[NDArray[numpy.float64], {"shape": (None, None)}],
+    Annotated[NDArray[numpy.float64], {"shape": (None,)}],
+    Annotated[NDArray[numpy.float64], {"shape": (None, None, None)}],
+    Annotated[NDArray[numpy.int64], {"shape": (None,)}],
+]: ...
+
 class Displacer:
     def __init__(self) -> None: ...
     def add_tape(self, arg: Tape, /) -> int: ...

@@ -201,6 +201,68 @@ def pick(scene: CoreScene, x: int, y: int, settings: RenderSettings) -> PickedPo
     return PickedPoint(planes["position"].astype(np.float64), float(planes["distance"][0]), record.shape_paths[shape], name)
 
 
+@dataclass(frozen=True)
+class Layers:
+    """Surfaces along rays: the number (N) of each ray's, and of all of them, in order, what they are and how far away.
+
+    `what` (M, 3): shape, instance and outer instance as `first_hits` numbers them; `lengths` (M, 2): depth along the camera's
+    axis and distance along the ray.
+    """
+
+    count: npt.NDArray[np.uint32]
+    what: npt.NDArray[np.int32]
+    lengths: Floats
+
+
+def layers(scene: CoreScene, positions: npt.ArrayLike, settings: RenderSettings, *, first_only: bool = False) -> Layers:
+    """Return all that rays through points (N, 2) of the film pass, each surface once; points are pixels of the frame.
+
+    Points are seen at the frame's time, with a rolling shutter in the middle of their row's and column's exposure.
+    """
+    points = np.ascontiguousarray(positions, np.float32).reshape(-1, 2)
+    try:
+        count, what, lengths = compiled.layers(
+            scene._scene, points, first_only=first_only, lanes=lanes(), threads=threads(settings)
+        )
+    except compiled.CoreError as error:
+        raise_primray_error(error)
+    _check_textures(scene)
+    return Layers(count, what, lengths)
+
+
+@dataclass(frozen=True)
+class Extents:
+    """Bounds of parts: (N, 4) on the film in pixels of the frame, (N) nearest depth, (N, 2, 3) in axes of their own.
+
+    What there is nothing of has infinite bounds of the wrong sign.
+    """
+
+    film: Doubles
+    nearest: Doubles
+    corners: Doubles
+
+
+def extents(scene: CoreScene, parts: npt.ArrayLike, axes: npt.ArrayLike, settings: RenderSettings) -> Extents:
+    """Return the bounds of `parts` (N, 4): shape, instance, outer instance, and the place of its axes in `axes` (B, 3, 4).
+
+    Axes are matrices from the world. Parts are where they are at the frame's time; on the film, with a rolling shutter, at the
+    time of the row and column in which each point is seen.
+    """
+    asked, of = np.ascontiguousarray(parts, np.int32), np.ascontiguousarray(axes, np.float64)
+    film, nearest, corners, _ = compiled.extents(scene._scene, asked, of, threads=threads(settings))
+    return Extents(film, nearest, corners)
+
+
+def parts_of_groups(scene: CoreScene) -> npt.NDArray[np.int32]:
+    """Return group and shape (K, 2) of everything in the core's groups; group 0 is in the world itself."""
+    return compiled.parts_of_groups(scene._scene)
+
+
+def project(scene: CoreScene, points: npt.ArrayLike) -> Doubles:
+    """Return x and y in pixels of the frame, NaN where they are not seen, and depth (N, 3) of points (N, 3) of the world."""
+    return compiled.project(scene._scene, np.ascontiguousarray(points, np.float64).reshape(-1, 3))
+
+
 def coverage(
     scene: CoreScene, samples: FilmSamples, settings: RenderSettings
 ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int32], npt.NDArray[np.int64]]:

@@ -11,6 +11,9 @@ from ..images.cryptomatte import MASK, hash_of
 if TYPE_CHECKING:
     from ..usd import LabelledPrim
 
+KITTI_PARTLY, KITTI_LARGELY = 0.1, 0.5  # occlusion
+NUSCENES_BINS = 0.4, 0.6, 0.8  # visible share
+
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in pixels from the upper left corner of the picture
 
 
@@ -65,8 +68,8 @@ class Thing:
     class_id: int
     parent: int | None = None  # the id of the thing that holds this one
     pixels_visible: int = 0
-    pixels_in_frame: int | None = None  # if nothing hid it
-    pixels_all: int | None = None  # likewise, on a canvas of 3 x 3 frames
+    pixels_in_frame: int = 0  # if nothing hid it
+    pixels_all: int = 0  # likewise, on a canvas of 3 x 3 frames
     truncation: float | None = None
     occlusion: float | None = None
     occlusion_interval: tuple[float, float] | None = None
@@ -76,6 +79,23 @@ class Thing:
     box_3d: Box3D | None = None
     depth: Depth = Depth(None, None, None)
     keypoints: tuple[Keypoint, ...] = ()
+
+    @property
+    def visible_fraction(self) -> float:
+        """Share of the thing, on a canvas of 3 x 3 frames, that the picture shows: BOP's visib_fract; 0 where there is none."""
+        return self.pixels_visible / self.pixels_all if self.pixels_all else 0.0
+
+    @property
+    def nuscenes_visibility(self) -> int:
+        """nuScenes' bin of the visible share: 1 up to 40 %, 2 up to 60 %, 3 up to 80 %, 4 beyond."""
+        return 1 + sum(self.visible_fraction > bound for bound in NUSCENES_BINS)
+
+    @property
+    def kitti_occluded(self) -> int:
+        """KITTI's levels, which have no thresholds there: 0 below 10 % hidden, 1 up to 50 %, 2 beyond, 3 unknown."""
+        if self.occlusion is None:
+            return 3
+        return 0 if self.occlusion < KITTI_PARTLY else 1 if self.occlusion <= KITTI_LARGELY else 2
 
     def as_json(self) -> dict[str, Any]:
         """Return the thing as JSON-compatible values."""
@@ -95,8 +115,14 @@ def thing_of_json(says: Mapping[str, Any]) -> Thing:
         own[name] = None if own.get(name) is None else tuple(own[name])
     own["box_3d"] = None if own.get("box_3d") is None else Box3D(**own["box_3d"])
     own["depth"] = Depth(**own["depth"])
-    own["keypoints"] = tuple(Keypoint(**point) for point in own["keypoints"])
+    own["keypoints"] = tuple(map(_keypoint_of_json, own["keypoints"]))
     return Thing(**own)
+
+
+def _keypoint_of_json(says: Mapping[str, Any]) -> Keypoint:
+    x, y, z = says["position"]
+    pixel = None if says["pixel"] is None else (says["pixel"][0], says["pixel"][1])
+    return Keypoint(says["name"], (x, y, z), pixel, says["depth"], says["v"])
 
 
 def ids_within(thing: Thing, things: Iterable[Thing]) -> set[int]:

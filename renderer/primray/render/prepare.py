@@ -203,7 +203,8 @@ def _prepare(
         and all(surface.camera is CameraVisibility.HIDDEN for surface in description.surfaces)
         and not (description.media or description.volume_emissions)  # the camera sees all Volumes
     )
-    prepared = replace(prepared, ground_shadow=ground_shadow)
+    rolls = description.exposure is not None and any(description.exposure.rolling)
+    prepared = replace(prepared, ground_shadow=ground_shadow, rolls=rolls)
     return replace(prepared, assets=assets, labelled=labelled, label_table=table, stage=name, hidden_from_camera=hidden)
 
 

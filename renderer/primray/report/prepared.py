@@ -36,6 +36,7 @@ class Prepared:
     labelled: LabelledPrims | None = None  # semantic labels; None unless an AOV needs them
     label_table: LabelTable | None = None  # ids of classes, if labels are needed
     assets: dict[str, str] = field(default_factory=dict)  # asset name by prim path, if Cryptomatte needs it
+    rolls: bool = False  # the shutter is rolling
     stage: str = ""  # file name of the root layer, without folders
     ground_shadow: GroundShadow | None = None  # set if a ground shows only its shadow
     file: PictureFile | None = None  # EXR settings of the stage's product

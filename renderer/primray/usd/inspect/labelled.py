@@ -83,7 +83,8 @@ class LabelledPrims:
         The labels of a point instancer are those of each of its instances whose prototype's root has none, which then stand
         for the instancer.
         """
-        found, handed = [], tuple[str, ...]()
+        found: list[LabelledPrim] = []
+        handed: tuple[str, ...] = ()
         way = self.way(prim, instance)
         for step, after in zip_longest(way, way[1:]):
             own = self._labels(step.prim, taxonomy) or handed
@@ -141,9 +142,9 @@ class LabelledPrims:
             time = time_of(instancer.GetPositionsAttr(), self.when)
             count = len(self._instancers[path][0])
             exclude, ignore = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
-            found = computed(lambda: instancer.ComputeInstanceTransformsAtTime(time, time, exclude, ignore), [])
+            found = computed(lambda: instancer.ComputeInstanceTransformsAtTime(time, time, exclude, ignore), None)
             matrices = np.tile(np.eye(4), (count, 1, 1))
-            if len(found) == count:
+            if found is not None and len(found) == count:
                 matrices = np.array(found, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
             self._instances[path] = matrices
         return np.asarray(self._instances[path][index])
@@ -170,13 +171,13 @@ class LabelledPrims:
     def _authored_points(self, prim: Usd.Prim) -> tuple[list[str], Any, float | None]:
         one, several = read(prim, KEYPOINT, self.when), read(prim, KEYPOINTS, self.when)
         radius = read(prim, KEYPOINT + ":radius", self.when)
-        names, points = ([str(one)], [(0.0, 0.0, 0.0)]) if one else ([], [])
+        names, points = [str(one)] if one else [], [[0.0, 0.0, 0.0]] if one else []
         if several:
             own = read(prim, KEYPOINTS + ":points", self.when)
             own = [] if own is None else own
             count = min(len(several), len(own))
             names += [str(text) for text in several[:count]]
-            points += [tuple(map(float, point)) for point in own[:count]]
+            points += [[float(x) for x in point] for point in own[:count]]
         return names, points, None if radius is None else float(radius)
 
     def way(self, prim: str, instance: str) -> list[Step]:

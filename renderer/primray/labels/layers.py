@@ -1,0 +1,168 @@
+"""Which labelled things rays pass, and which of them they hit first: the counts that visibility is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .. import core
+from .things import Hierarchy
+
+if TYPE_CHECKING:
+    from ..core import CoreScene
+    from ..settings import RenderSettings
+    from ..usd import LabelledPrims
+
+Numbers = npt.NDArray[np.int64]
+BAND = 1 << 18  # rays at a time
+
+
+class PartNames:
+    """Numbers for parts of the scene (shape, instance and outer instance as the core numbers them), with their names."""
+
+    def __init__(self, scene: CoreScene) -> None:
+        self._scene = scene
+        self._numbers: dict[tuple[int, int, int], int] = {}
+        self._by_name: dict[tuple[str, str], int] = {}
+        self.names: list[tuple[str, str]] = []  # path of the shape, and name of the instance; "": none
+
+    def parts(self) -> npt.NDArray[np.int32]:
+        """Return the parts (N, 3) that have been numbered."""
+        return np.array(list(self._numbers), np.int32).reshape(-1, 3)
+
+    def number(self, what: npt.NDArray[np.int32]) -> Numbers:
+        """Return numbers (M) of parts (M, 3), the same for parts of one name."""
+        if not len(what):
+            return np.zeros(0, np.int64)
+        low = what.min(axis=0).astype(np.int64)
+        size = what.max(axis=0).astype(np.int64) - low + 1
+        at = what.astype(np.int64) - low
+        keys = (at[:, 0] * size[1] + at[:, 1]) * size[2] + at[:, 2]
+        _, place, back = np.unique(keys, return_index=True, return_inverse=True)
+        found = np.array([self._number(*part) for part in what[place].tolist()], np.int64)
+        return found[back.ravel()]
+
+    def _number(self, shape: int, instance: int, outer: int) -> int:
+        part = shape, instance, outer
+        if part not in self._numbers:
+            name = self._name(*part)
+            if name not in self._by_name:
+                self._by_name[name] = len(self.names)
+                self.names.append(name)
+            self._numbers[part] = self._by_name[name]
+        return self._numbers[part]
+
+    def _name(self, shape: int, instance: int, outer: int) -> tuple[str, str]:
+        record = self._scene.record
+        assert record is not None
+        row, name = record.meshes[shape] if shape >= 0 else record.curved[-2 - shape]
+        if not name and instance >= 0:
+            numbers = self._scene.instance_numbers
+            name = numbers.name(int(numbers.number(np.array([instance]), np.array([outer]))[0]))
+        return record.shape_paths[row], name
+
+
+class TaxonomyThings:
+    """The things of a taxonomy by the parts that they consist of."""
+
+    def __init__(self, taxonomy: str, labelled: LabelledPrims, parts: PartNames) -> None:
+        self.hierarchy = Hierarchy(taxonomy)
+        self._labelled = labelled
+        self._parts = parts
+        self._places: list[int] = []
+
+    def places(self) -> Numbers:
+        """Return the place in the hierarchy of the innermost thing of each part, -1: none."""
+        names = self._parts.names
+        for prim, instance in names[len(self._places) :]:
+            holding = self._labelled.holding(prim, instance, self.hierarchy.taxonomy)
+            self._places.append(self.hierarchy.innermost(holding))
+        return np.array(self._places, np.int64)
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Numbers of rays by thing: that pass it, and that hit it first."""
+
+    passing: Numbers
+    first: Numbers
+
+    def __add__(self, other: Counts) -> Counts:
+        size = max(len(self.passing), len(other.passing))
+        a, b = self.sized(size), other.sized(size)
+        return Counts(a.passing + b.passing, a.first + b.first)
+
+    def sized(self, size: int) -> Counts:
+        """Return the counts of at least `size` things."""
+        more = max(size - len(self.passing), 0)
+        return Counts(np.append(self.passing, np.zeros(more, np.int64)), np.append(self.first, np.zeros(more, np.int64)))
+
+
+NO_COUNTS = Counts(np.zeros(0, np.int64), np.zeros(0, np.int64))
+
+
+@dataclass(frozen=True)
+class Passed:
+    """Parts that rays pass, in order: `ray` (M) and `part` (M), and whether it is the ray's first; depths of the first (N)."""
+
+    ray: npt.NDArray[np.int32]
+    part: npt.NDArray[np.int32]
+    is_first: npt.NDArray[np.bool_]
+    count: int  # of rays
+    first_depth: npt.NDArray[np.floating[Any]]  # (N); infinite where nothing is hit
+
+
+def passed_by(
+    scene: CoreScene, points: npt.ArrayLike, parts: PartNames, settings: RenderSettings, *, first_only: bool = False
+) -> Iterator[Passed]:
+    """Yield what rays through points (N, 2) of the frame pass, or only the first of it, in bands of the points."""
+    points = np.asarray(points, np.float32).reshape(-1, 2)
+    for begin in range(0, len(points), BAND):
+        band = points[begin : begin + BAND]
+        found = core.layers(scene, band, settings, first_only=first_only)
+        counts = found.count.astype(np.int64)
+        ray = np.repeat(np.arange(len(band), dtype=np.int32), counts)
+        starts = np.cumsum(counts) - counts
+        is_first = np.zeros(len(ray), bool)
+        is_first[starts[counts > 0]] = True
+        depth = np.full(len(band), np.inf, np.float32)
+        depth[counts > 0] = found.lengths[is_first, 0]
+        yield Passed(ray, parts.number(found.what).astype(np.int32), is_first, len(band), depth)
+
+
+def counts_of(passed: Passed, things: TaxonomyThings) -> Counts:
+    """Return how many of the rays pass each thing and hit it first, with the things that it holds."""
+    place = things.places()[passed.part] if len(passed.part) else np.zeros(0, np.int64)
+    size = len(things.hierarchy.names)
+    if not size:
+        return NO_COUNTS
+    parents = np.array(things.hierarchy.parents, np.int64)
+    ray, is_first, keys, firsts = passed.ray.astype(np.int64), passed.is_first, [], []
+    while True:
+        held = place >= 0
+        if not held.any():
+            break
+        ray, place, is_first = ray[held], place[held], is_first[held]
+        keys.append(ray * size + place)
+        firsts.append(place[is_first])
+        place = parents[place]
+    if not keys:
+        return Counts(np.zeros(size, np.int64), np.zeros(size, np.int64))
+    passing = np.bincount(np.unique(np.concatenate(keys)) % size, minlength=size)
+    return Counts(passing, np.bincount(np.concatenate(firsts), minlength=size))
+
+
+def wilson_interval(hits: int, of: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share.
+
+    Wilson 1927, "Probable Inference, the Law of Succession, and Statistical Inference".
+    """
+    z = 1.959963984540054
+    share = hits / of
+    middle = (share + z * z / (2 * of)) / (1 + z * z / of)
+    half = z / (1 + z * z / of) * np.sqrt(share * (1 - share) / of + z * z / (4 * of * of))
+    return float(middle - half) if hits else 0.0, float(middle + half) if hits < of else 1.0
