@@ -80,3 +80,30 @@ def test_what_covers_pixels_is_the_same_at_any_lanes_and_in_parts(name: str) -> 
     assert covering(core_module().MAX_LANES, 0, 3) == whole
     parts = [covering(4, *part) for part in ((0, 1), (1, 3))]
     assert {key: sum(part.get(key, 0) for part in parts) for key in parts[0] | parts[1]} == whole
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_layers_begin_with_the_first_hits_and_are_the_same_at_any_lanes(name: str) -> None:
+    described = SCENES[name]()
+    scene, window = described.build(), described.description.frame.pixels
+    width, height = scene.resolution
+    centres = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1).reshape(-1, 2)
+    points = (centres + [window.x, window.y]).astype(np.float32)
+
+    def layers(lanes: int, threads: int, first_only: bool = False) -> tuple[np.ndarray, ...]:
+        found: tuple[np.ndarray, ...] = core_module().layers(scene, points, first_only, lanes, threads)
+        return found
+
+    one = layers(1, 1)
+    for again in (layers(core_module().MAX_LANES, 3), layers(4, 1)):
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(one, again, strict=True))
+    count, what, lengths = one
+    starts = (np.cumsum(count) - count)[count > 0]
+    hits = first_hits(scene, 1)
+    assert np.array_equal((count > 0).reshape(height, width), hits["prim"][..., 0] != -1)
+    for column, plane in enumerate(("prim", "instance", "outer")):
+        assert np.array_equal(what[starts, column], hits[plane].ravel()[count > 0])
+    assert np.array_equal(lengths[starts, 0], hits["depth"].ravel()[count > 0])
+    firsts = layers(8, 2, first_only=True) if core_module().MAX_LANES >= 8 else layers(4, 2, first_only=True)
+    assert np.array_equal(firsts[1], what[starts])
+    assert firsts[0].max() <= 1
