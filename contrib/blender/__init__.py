@@ -14,10 +14,12 @@ from . import engine, interface
 
 def register() -> None:
     interface.register()
+    bpy.utils.register_class(engine.PrimraySaveStage)
     bpy.utils.register_class(engine.PrimrayEngine)
 
 
 def unregister() -> None:
     bpy.utils.unregister_class(engine.PrimrayEngine)
+    bpy.utils.unregister_class(engine.PrimraySaveStage)
     interface.unregister()
     engine.KEPT.end()

@@ -11,11 +11,16 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import gpu
 import numpy as np
+from gpu_extras.presets import draw_texture_2d
 
 from . import interface
 from .passes import passes, stamp
 from .processes import Lines, ProcessError, exporter, find_python, renderer
+from .viewport import Lens, Preview, camera_of
+
+PARTS = shutil.ignore_patterns("objects.usdc", "materials.usdc")  # what a stage's layer has been composed of
 
 
 class Kept:
@@ -87,6 +92,41 @@ class PrimrayEngine(bpy.types.RenderEngine):  # type: ignore[misc]
             # An exception here would leave a render that looks finished.
             self.report({"ERROR"}, f"primray: {type(error).__name__}: {error}")
 
+    def view_update(self, context: Any, depsgraph: Any) -> None:
+        show_changes(self._preview(), depsgraph)
+
+    def view_draw(self, context: Any, depsgraph: Any) -> None:
+        """Draw the newest picture. Without windows this cannot run: all that can be tested is in `Preview`."""
+        preview, scene, region = self._preview(), depsgraph.scene, context.region
+        size = (region.width, region.height)
+        preview.look(_camera_of(context), size, view_settings(scene))
+        interface.show_notes(preview.notes)
+        picture = preview.picture
+        if preview.error:
+            self.update_stats("primray", preview.error)
+        elif picture is not None:
+            self.update_stats("primray", f"{picture.samples:g} of {scene.primray.preview_samples} samples")
+        if picture is None:
+            return
+        rows, columns, _ = picture.pixels.shape
+        values = gpu.types.Buffer("FLOAT", rows * columns * 4, picture.pixels.ravel())
+        texture = gpu.types.GPUTexture((columns, rows), format="RGBA32F", data=values)
+        gpu.state.blend_set("ALPHA_PREMULT")
+        self.bind_display_space_shader(scene)
+        draw_texture_2d(texture, (0, 0), *size)
+        self.unbind_display_space_shader()
+        gpu.state.blend_set("NONE")
+
+    def _preview(self) -> Preview:
+        """Return what this viewport shows; each viewport has an engine of its own, which ends it."""
+        if getattr(self, "preview", None) is None:
+            self.preview = preview_of(lambda is_wanted: self.tag_update() if is_wanted else self.tag_redraw())
+        return self.preview
+
+    def __del__(self) -> None:
+        if (preview := getattr(self, "preview", None)) is not None:
+            preview.end()
+
     def _is_cancelled(self) -> bool:
         return bool(self.test_break()) or KEPT.is_cancelled()
 
@@ -111,7 +151,7 @@ class PrimrayEngine(bpy.types.RenderEngine):  # type: ignore[misc]
         self.update_stats("primray", "Exporting the scene")
         folder = KEPT.files()
         blend = folder / "scene.blend"
-        bpy.data.libraries.write(str(blend), {scene}, path_remap="ABSOLUTE")
+        write_blend(blend, scene)
         process = KEPT.exporting()
         asked = scene.primray
         # USD remembers layers by their paths: each export has a folder of its own, and the last one stays.
@@ -179,6 +219,76 @@ class PrimrayEngine(bpy.types.RenderEngine):  # type: ignore[misc]
             values = np.ascontiguousarray(mapped[at : at + rows * columns * channels])
             target.rect.foreach_set(values)
         self.end_result(result)
+
+
+class PrimraySaveStage(bpy.types.Operator):  # type: ignore[misc]
+    bl_idname = "primray.save_stage"
+    bl_label = "Save Stage"
+    bl_description = "Save the stage that was rendered last, with what belongs to it, in a folder: for primray's commands"
+    directory: bpy.props.StringProperty(subtype="DIR_PATH")  # type: ignore[valid-type]
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return bool(KEPT.stage) and Path(KEPT.stage).is_file()
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: Any) -> set[str]:
+        try:
+            shutil.copytree(Path(KEPT.stage).parent, bpy.path.abspath(self.directory), ignore=PARTS, dirs_exist_ok=True)
+        except OSError as error:
+            self.report({"ERROR"}, f"primray: {error}")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+def preview_of(changed: Callable[[bool], None]) -> Preview:
+    """Return a viewport's preview, by processes of its own. Raises ProcessError where no Python has primray."""
+    python = find_python(interface.preferred_python(), interface.own_folder())
+    return Preview(
+        lambda take: exporter(bpy.app.binary_path, take), lambda take: renderer(python, "live_renderer.py", take),
+        Path(tempfile.mkdtemp(prefix="primray-view-")), changed,
+    )  # fmt: skip
+
+
+def show_changes(preview: Preview, depsgraph: Any) -> None:
+    """Let a preview take what a dependency graph says has changed."""
+    scene = depsgraph.scene
+    request = {
+        "scene": scene.name, "layer": depsgraph.view_layer.name, "frame": scene.frame_current,
+        "subframe": scene.frame_subframe, "settings": {}, "needs_camera": False,
+    }  # fmt: skip
+    preview.update(depsgraph, lambda file: write_blend(file, scene), request)
+
+
+def write_blend(file: Path, scene: Any) -> None:
+    bpy.data.libraries.write(str(file), {scene}, path_remap="ABSOLUTE")
+
+
+def _camera_of(context: Any) -> dict[str, Any]:
+    """Return the camera that a 3D viewport looks by, with the lens of the scene's camera where it looks through that one."""
+    region, space = context.region_data, context.space_data
+    camera = (
+        space.camera.data if region.view_perspective == "CAMERA" and space.camera and space.camera.type == "CAMERA" else None
+    )
+    lens = Lens()
+    if camera is not None and camera.dof.use_dof and camera.type == "PERSP":
+        at, focused = space.camera.matrix_world, camera.dof.focus_object
+        ahead = at.to_3x3().col[2].normalized()
+        distance = abs((focused.matrix_world.translation - at.translation).dot(ahead)) if focused else camera.dof.focus_distance
+        lens = Lens(camera.lens / 1000, camera.dof.aperture_fstop, distance)
+    distance = 0.0 if region.view_perspective == "CAMERA" else region.view_distance
+    return camera_of(region.view_matrix, region.window_matrix, lens, distance)
+
+
+def view_settings(scene: Any) -> dict[str, Any]:
+    return {
+        "samples": scene.primray.preview_samples, "seed": scene.primray.seed, "max_depth": scene.primray.max_depth or None,
+        "threads": scene.render.threads if scene.render.threads_mode == "FIXED" else None,
+        "transparent": scene.render.film_transparent,
+    }  # fmt: skip
 
 
 def never() -> bool:

@@ -16,6 +16,9 @@ END: dict[str, Any] = {}  # of the last render: why it stopped, its samples (lea
 
 class PrimraySettings(bpy.types.PropertyGroup):  # type: ignore[misc]
     samples: bpy.props.IntProperty(name="Samples", default=128, min=1, max=1 << 20, description="Most samples of a pixel")  # type: ignore[valid-type]
+    preview_samples: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Viewport Samples", default=32, min=1, max=1 << 20, description="Most samples of a pixel in viewports"
+    )
     target_error: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Target Error", default=0.0, min=0.0, max=10.0, precision=5,
         description="Stop when the picture's relative mean square error is estimated to be at most this; 0: by samples or time",
@@ -149,6 +152,7 @@ class PRIMRAY_PT_sampling(_Panel, bpy.types.Panel):  # type: ignore[misc]
         self.layout.use_property_split = True
         for name in (
             "samples",
+            "preview_samples",
             "target_error",
             "time_limit",
             "max_depth",
@@ -159,6 +163,7 @@ class PRIMRAY_PT_sampling(_Panel, bpy.types.Panel):  # type: ignore[misc]
             "error_overlay",
         ):
             self.layout.prop(context.scene.primray, name)
+        self.layout.operator("primray.save_stage")
         if END:
             self.layout.label(text=f"Last: {end_in_words()}")
 

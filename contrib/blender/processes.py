@@ -25,9 +25,18 @@ class ProcessError(Exception):
 
 
 class Lines:
-    """A process that is sent lines of JSON and answers by such lines; its last words are kept for error messages."""
+    """A process that is sent lines of JSON and answers by such lines; its last words are kept for error messages.
 
-    def __init__(self, command: Sequence[str], environment: dict[str, str] | None = None, mark: str = "") -> None:
+    Answers wait for `answer`, or are given to `on_answer`, by the thread that reads them: None is the process's end.
+    """
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        environment: dict[str, str] | None = None,
+        mark: str = "",
+        on_answer: Callable[[dict[str, Any] | None], None] | None = None,
+    ) -> None:
         self._mark = mark
         self._answers: queue.Queue[dict[str, Any] | None] = queue.Queue()
         self._said: list[str] = []
@@ -35,18 +44,22 @@ class Lines:
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, encoding="utf-8",
             errors="replace", env=environment,
         )  # fmt: skip
+        self._take = on_answer or self._answers.put
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
         for line in self._process.stdout or ():
             if line.startswith(self._mark or "{"):
                 try:
-                    self._answers.put(json.loads(line[len(self._mark) :]))
-                    continue
+                    answer = json.loads(line[len(self._mark) :])
                 except ValueError:
                     pass
+                else:
+                    self._take(answer)
+                    continue
             self._said = [*self._said[-20:], line.rstrip()]
-        self._answers.put(None)
+        self._process.wait()
+        self._take(None)
 
     @property
     def is_alive(self) -> bool:
@@ -58,7 +71,7 @@ class Lines:
             self._process.stdin.write(json.dumps(request) + "\n")
             self._process.stdin.flush()
         except OSError as error:
-            raise ProcessError(self._last_words()) from error
+            raise ProcessError(self.last_words()) from error
 
     def answer(self, is_cancelled: Callable[[], bool]) -> dict[str, Any] | None:
         """Return the next answer; None where it is cancelled meanwhile. Raises ProcessError if the process ends."""
@@ -70,10 +83,11 @@ class Lines:
                     return None
                 continue
             if found is None:
-                raise ProcessError(self._last_words())
+                raise ProcessError(self.last_words())
             return found
 
-    def _last_words(self) -> str:
+    def last_words(self) -> str:
+        """Return how the process ended and what it said last."""
         words = " ".join(line for line in self._said if line)[-600:]
         return f"the process ended with code {self._process.poll()}: {words}"
 
@@ -86,19 +100,23 @@ class Lines:
                 self._process.kill()
 
 
-def exporter(binary: str) -> Lines:
+Take = Callable[[dict[str, Any] | None], None]
+
+
+def exporter(binary: str, on_answer: Take | None = None) -> Lines:
     """Start a background Blender; `binary` is Blender's own, and "" where Blender is a module of this Python."""
     code = EXPORT.format(folder=str(HERE))
     environment = dict(os.environ)
     if binary:
-        return Lines([binary, "--background", "--factory-startup", "--python-expr", code], environment, MARK)
-    return Lines([sys.executable, "-c", code], environment, MARK)
+        return Lines([binary, "--background", "--factory-startup", "--python-expr", code], environment, MARK, on_answer)
+    return Lines([sys.executable, "-c", code], environment, MARK, on_answer)
 
 
-def renderer(python: str) -> Lines:
+def renderer(python: str, script: str = "renderer.py", on_answer: Take | None = None) -> Lines:
+    """Start one of this folder's scripts in a Python that has primray."""
     # Blender's own modules must not be found before primray's.
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
-    return Lines([python, str(HERE / "renderer.py")], environment)
+    return Lines([python, str(HERE / script)], environment, on_answer=on_answer)
 
 
 def find_python(preferred: str, own_folder: str) -> str:

@@ -14,12 +14,16 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 
+from .placement import light_rows
+
 Note = Callable[[str, str, str], None]
 PROFILE_ANGLES = 512
 
 
-def write_light(stage: Usd.Stage, path: str, obj: Any, matrix: Any, folder: Path, note: Note) -> None:
-    """Write the lamp of an evaluated object."""
+def write_light(
+    stage: Usd.Stage, path: str, obj: Any, matrix: Any, folder: Path, note: Note
+) -> tuple[bool, tuple[float, float]]:
+    """Write the lamp of an evaluated object. Returns whether its scale counts, and a scale to be applied first."""
     lamp = obj.data
     write = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[lamp.type]
     light, keeps_scale, extra = write(stage, path, lamp, folder)
@@ -36,6 +40,7 @@ def write_light(stage: Usd.Stage, path: str, obj: Any, matrix: Any, folder: Path
     if obj.lightgroup:
         light_group(light.GetPrim(), obj.lightgroup)
     _note_differences(obj, note)
+    return keeps_scale, extra
 
 
 def light_group(prim: Usd.Prim, name: str) -> None:
@@ -45,14 +50,7 @@ def light_group(prim: Usd.Prim, name: str) -> None:
 
 def placed(matrix: Any, keeps_scale: bool, extra: tuple[float, float] = (1.0, 1.0)) -> Gf.Matrix4d:
     """Return a world matrix for row vectors; without its scale where Blender's object has none, and scaled by `extra` first."""
-    if not keeps_scale:
-        location, rotation, _ = matrix.decompose()
-        matrix = rotation.to_matrix().to_4x4()
-        matrix.translation = location
-    rows = [list(column) for column in matrix.transposed()]
-    for row, scale in zip(rows, extra, strict=False):
-        row[:] = [value * scale for value in row]
-    return Gf.Matrix4d(rows)
+    return Gf.Matrix4d(light_rows(matrix, keeps_scale, extra))
 
 
 def _point(stage: Usd.Stage, path: str, lamp: Any, folder: Path) -> tuple[Any, bool, tuple[float, float]]:

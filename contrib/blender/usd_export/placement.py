@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 
@@ -16,6 +17,18 @@ def local_rows(world: Any, parent: Any, has_parent: bool) -> list[list[float]] |
         return rows(parent.inverted() @ world)
     except ValueError:  # a parent of no size
         return None
+
+
+def light_rows(world: Any, keeps_scale: bool, extra: Sequence[float] = (1.0, 1.0)) -> list[list[float]]:
+    """Return the rows of a lamp's or camera's transform: without scale if Blender's has none, scaled by `extra` first."""
+    if not keeps_scale:
+        location, rotation, _ = world.decompose()
+        world = rotation.to_matrix().to_4x4()
+        world.translation = location
+    found = rows(world)
+    for row, scale in zip(found, extra, strict=False):
+        row[:] = [value * scale for value in row]
+    return found
 
 
 def rows(matrix: Any) -> list[list[float]]:

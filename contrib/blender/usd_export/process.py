@@ -103,16 +103,23 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
     found = geometry.Found()
 
     shapes = reuse.Shapes()
+    places: dict[str, dict[str, Any]] = {}
 
     def collect(depsgraph: Any) -> None:
         nonlocal shapes
         shapes = reuse.look_at(depsgraph)
-        _write_lights_and_camera(layer, scope, depsgraph, folder, note)
+        places.update(_write_lights_and_camera(layer, scope, depsgraph, folder, note))
         geometry.find_instances(depsgraph, found, note)
 
     Export.found = staticmethod(collect)
     scene.render.engine = Export.bl_idname
     scene.render.use_motion_blur = False
+    if scene.camera is None:
+        if request.get("needs_camera", True):
+            raise ValueError("the scene has no camera")
+        # A viewport needs none, but Blender's render does.
+        scene.camera = bpy.data.objects.new("primray camera", bpy.data.cameras.new("primray camera"))
+        scene.collection.objects.link(scene.camera)
     bpy.ops.render.render(scene=scene.name, layer=request["layer"])
     systems = _hair(scene)
     world.write_world(layer, f"{scope}/world", scene, folder, note)
@@ -137,8 +144,9 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
     camera.write_settings(layer, scene, f"{scope}/camera", request.get("settings", {}))
     layer.GetRootLayer().Save()
     known = geometry.blender_names(layer, names)
+    places = reuse.places(scene, geometry.prims_by_object(layer), shapes, found) | places
     return {"stage": str(file), "notes": notes, "names": known, "transparent": scene.render.film_transparent,
-            "exported": counts}  # fmt: skip
+            "exported": counts, "places": places}  # fmt: skip
 
 
 def _write_shapes(**values: Any) -> None:
@@ -154,22 +162,27 @@ def _use_layer(scene: Any, name: str) -> None:
         bpy.context.window.view_layer = scene.view_layers[name]
 
 
-def _write_lights_and_camera(layer: Usd.Stage, scope: str, depsgraph: Any, folder: Path, note: Any) -> None:
+def _write_lights_and_camera(layer: Usd.Stage, scope: str, depsgraph: Any, folder: Path, note: Any) -> dict[str, Any]:
+    """Write lamps and the camera. Returns where the transforms of lamps are that are no instances."""
     number = 0
+    places: dict[str, Any] = {}
+    instanced: set[str] = set()
     for instance in depsgraph.object_instances:
         obj = instance.object
         if obj.type == "LIGHT" and instance.show_self:
             path = f"{scope}/light_{number}"
-            lights.write_light(layer, path, obj, instance.matrix_world.copy(), folder, note)
+            keeps_scale, extra = lights.write_light(layer, path, obj, instance.matrix_world.copy(), folder, note)
+            places[obj.original.name] = {"kind": "light", "path": path, "keeps_scale": keeps_scale, "extra": extra}
+            if instance.is_instance:
+                instanced.add(obj.original.name)
             layer.GetPrimAtPath(path).SetMetadata("displayName", obj.name)
             number += 1
         elif obj.type == "LIGHT_PROBE":
             continue
     scene = depsgraph.scene_eval
-    if scene.camera is None:
-        raise ValueError("the scene has no camera")
     obj = scene.camera.evaluated_get(depsgraph)
     camera.write_camera(layer, f"{scope}/camera", scene, obj, obj.matrix_world.copy(), folder, note)
+    return {name: place for name, place in places.items() if name not in instanced}
 
 
 def _hair(scene: Any) -> dict[str, tuple[float, float, str]]:

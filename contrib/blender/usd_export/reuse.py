@@ -19,7 +19,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from pxr import Gf, Sdf
+from pxr import Gf, Sdf, UsdUtils
 
 from .geometry import Found, Prototype
 from .placement import local_rows
@@ -100,7 +100,7 @@ def export(
     kept = KEPT.setdefault((scene.name, view_layer), Kept())
     # A view layer takes notice of objects that have come and gone where one becomes active.
     with contextlib.suppress(RuntimeError):
-        bpy.context.view_layer.objects.active = scene.camera
+        bpy.context.view_layer.objects.active = next(iter(scene.objects), None)
     objects = {obj.name: obj for obj in bpy.context.view_layer.objects}
     fingerprints = {name: _prepared_fingerprint(obj, shapes, found, prototypes) for name, obj in objects.items()}
     looks = {material.name: _of_material(material) for material in bpy.data.materials}
@@ -132,6 +132,21 @@ def export(
         _export_materials(kept, new, looks, file.with_name("materials.usdc"), write)
     _compose(kept, used, file, shapes)
     return {"objects": len(changed), "materials": len(new)}
+
+
+def places(scene: Any, paths: dict[str, Sdf.Path], shapes: Shapes, found: Found) -> dict[str, dict[str, Any]]:
+    """Return where the transforms are of objects that nothing else follows: a move of these needs no export."""
+    followed = {prototype.source.name for prototype in found.prototypes.values() if prototype.source is not None}
+    names = {path: name for name, path in paths.items()}
+    placed = {}
+    for obj in scene.objects:
+        path, is_known = paths.get(obj.name), shapes.fingerprints.get(obj.name) is not None
+        if path is None or not is_known or obj.name in followed | found.instancers | found.shapes.keys():
+            continue
+        parent = names.get(path.GetParentPath())
+        if obj.name in shapes.worlds and (parent is None or parent in shapes.worlds):
+            placed[obj.name] = {"kind": "object", "path": str(path), "parent": parent}
+    return placed
 
 
 def _prepared_fingerprint(obj: Any, shapes: Shapes, found: Found, prototypes: dict[str, Prototype]) -> str | None:
@@ -248,6 +263,9 @@ def _compose(kept: Kept, materials: list[str], file: Path, shapes: Shapes) -> No
                 _copy_prim(one.layer, MATERIALS, composed)
             Sdf.CopySpec(one.layer, one.path, composed, one.path)
     _place(composed, shapes)
+    # Images that were written beside the stage go where it goes.
+    beside = f"{file.parent}/"
+    UsdUtils.ModifyAssetPaths(composed, lambda path: f"./{path[len(beside) :]}" if path.startswith(beside) else path)
     composed.Save()
 
 

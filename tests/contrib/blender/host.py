@@ -23,7 +23,7 @@ ADDON = ROOT / "contrib/blender"
 VARIABLE = "PRIMRAY_BPY"
 SCENES = Path(__file__).with_name("scenes.py")
 TIMEOUT_S = 600
-VERSIONS = ("5.0", "4.2", "4.5", "5.3")  # the first is the one of tests that run in one Blender
+VERSIONS = ("5.0", "4.5", "5.3")  # the first is the one of tests that run in one Blender
 
 _chosen: list[str] = [VERSIONS[0]]
 

@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
+import threading
+import time
 import traceback
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
+from mathutils import Matrix
 
 MODULE = "bl_ext.user_default.primray"
 
@@ -458,14 +463,12 @@ def first_hour(asked):
     settings = furry.particle_systems[0].settings
     settings.type, settings.count, settings.hair_length, settings.root_radius = "HAIR", 200, 0.3, 0.02
     camera((0, -5, 3), (math.radians(62), 0, 0), lens=35.0)
-    kept().folder = Path(asked["folder"], "exported")
-    kept().folder.mkdir()
     both("first hour", asked["folder"])
     layer = bpy.context.view_layer
     layer.use_pass_z = layer.use_pass_normal = True
     scene.primray.error_pass = True
     say(name="passes", file=multilayer(f"{asked['folder']}/passes.exr", "PRIMRAY"))
-    kept().folder = None  # the stage stays, for the test to render
+    bpy.ops.primray.save_stage(directory=f"{asked['folder']}/saved")
 
 
 def showcase(asked):
@@ -554,6 +557,172 @@ def animation(asked):
             scene.frame_set(frame)
             file = render("PRIMRAY", f"{asked['folder']}/{kind}.{frame}.exr")
             say(name=kind, frame=frame, file=file, exported=kept().exported, notes=kept().notes)
+
+
+class Watched:
+    """A preview with the time of each picture, told of changes as Blender tells a viewport's engine."""
+
+    def __init__(self, folder):
+        self.engine = sys.modules[f"{MODULE}.engine"]
+        self.folder, self.wanted, self.saved = folder, threading.Event(), 0
+        self.preview = self.engine.preview_of(lambda is_wanted: self.wanted.set() if is_wanted else None)
+        bpy.app.handlers.depsgraph_update_post.append(self.update)
+        self.camera, self.rotation = None, 0.0
+
+    def open(self, rotation=0.0):
+        self.update(bpy.context.scene, bpy.context.evaluated_depsgraph_get())
+        self.look(rotation)
+
+    def update(self, scene, depsgraph):
+        self.engine.show_changes(self.preview, depsgraph)
+
+    def look(self, rotation=0.0, **settings):
+        """Look by the scene's camera, turned around the vertical axis."""
+        scene, obj = bpy.context.scene, bpy.context.scene.camera
+        self.rotation = rotation
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        size = (scene.render.resolution_x, scene.render.resolution_y)
+        placed = Matrix.Rotation(rotation, 4, "Z") @ obj.matrix_world
+        projection = obj.calc_matrix_camera(depsgraph, x=size[0], y=size[1])
+        viewport = sys.modules[f"{MODULE}.viewport"]
+        self.camera = viewport.camera_of(placed.inverted(), projection, distance=obj.location.length)
+        self.preview.look(self.camera, size, self.engine.view_settings(scene) | settings)
+
+    def wait(self, done, seconds=120.0):
+        """Wait until `done`, as Blender's window would redraw and ask for updates meanwhile."""
+        start = time.monotonic()
+        while not done():
+            if self.wanted.is_set():
+                self.wanted.clear()
+                self.update(bpy.context.scene, bpy.context.evaluated_depsgraph_get())
+            assert time.monotonic() < start + seconds, self.preview.error
+            time.sleep(0.002)
+        return time.monotonic() - start
+
+    def is_shown(self, finished=True):
+        shown = self.preview.picture
+        return shown is not None and shown.edition == self.preview.edition and (shown.is_finished or not finished)
+
+    def step(self, name, change=lambda: None, **more):
+        """Make a change, and say when it was first seen and when the picture was finished."""
+        before = self.preview.edition
+        change()
+        bpy.context.view_layer.update()
+        first = self.wait(lambda: self.preview.edition > before and self.is_shown(False))
+        whole = first + self.wait(self.is_shown)
+        say(
+            name=name, first=first, whole=whole, file=self.save(), exported=self.preview.exported, exports=self.preview.exports,
+            camera=self.camera, **more,
+        )  # fmt: skip
+
+    def save(self):
+        self.saved += 1
+        file = f"{self.folder}/view-{id(self)}-{self.saved}.npy"
+        np.save(file, self.preview.picture.pixels)
+        return file
+
+    def end(self):
+        bpy.app.handlers.depsgraph_update_post.remove(self.update)
+        self.preview.end()
+
+
+def viewport(asked):
+    """A viewport's pictures after changes of all kinds, and those of a viewport that is opened then."""
+    scene = moving()
+    scene.primray.preview_samples = 8
+    scene.render.resolution_x, scene.render.resolution_y = 64, 48
+    obj = bpy.data.objects
+    obj["moves, above"].animation_data_clear()  # what is animated is where its keys say whenever a frame is set
+    light = add("lamp", lamp("AREA", 100.0, size=1.0), (1, -2, 3), (0.6, 0.2, 0))
+    look = bpy.data.materials["look 2"].node_tree.nodes["Principled BSDF"].inputs
+    view = Watched(asked["folder"])
+
+    def deform():
+        obj["still 1"].data.vertices[0].co.z += 0.3
+        obj["still 1"].data.update()
+
+    view.step("opened", view.open)
+    changes = (
+        ("moved", lambda: setattr(obj["moves, above"], "location", (0.4, -0.3, 0.8))),
+        ("turned", lambda: setattr(obj["moves, below"], "rotation_euler", (0.4, -0.3, 0.8))),
+        ("lamp moved", lambda: setattr(light, "location", (-1, -2, 3))),
+        ("looked from elsewhere", lambda: view.look(0.3)),
+        ("material", lambda: setattr(look["Base Color"], "default_value", (0.9, 0.1, 0.1, 1))),
+        ("mesh", deform),
+        ("lamp", lambda: setattr(light.data, "energy", 300.0)),
+        ("world", lambda: world((0.1, 0.2, 0.4))),
+        ("gone", lambda: bpy.data.objects.remove(obj["still 3"])),
+        ("come", lambda: bpy.ops.mesh.primitive_cube_add(size=0.5, location=(0, 0.5, 0.9))),
+        ("moved again", lambda: setattr(obj["moves, above"], "location", (0.2, -0.1, 0.6))),
+    )
+    for name, change in changes:
+        view.step(name, change)
+        if name in ("moved", "mesh", "moved again"):
+            other = Watched(asked["folder"])
+            other.step(f"{name}, opened then", lambda other=other: other.open(view.rotation))
+            shutil.copytree(Path(other.preview.stage).parent, f"{asked['folder']}/stage, {name}")
+            other.end()
+    view.end()
+
+
+def viewport_trouble(asked):
+    """A viewport whose render is cancelled, and whose processes end."""
+    scene = empty(48)
+    scene.primray.preview_samples = 8
+    floor()
+    bpy.ops.mesh.primitive_cube_add(size=0.6)
+    cube = bpy.context.object
+    cube.data.materials.append(matte())
+    world((0.6, 0.6, 0.6))
+    camera((0, -5, 4), (math.radians(52), 0, 0), lens=35.0)
+    view = Watched(asked["folder"])
+    processes = view.preview._processes
+
+    def move(height):
+        return lambda: setattr(cube, "location", (0, 0, height))
+
+    def deform():
+        cube.data.vertices[0].co.z += 0.3
+        cube.data.update()
+
+    view.step("opened", view.open)
+    scene.camera = None
+    view.step("no camera", deform, error=view.preview.error)
+    scene.camera = bpy.data.objects["Camera"]
+    bpy.context.view_layer.update()
+    view.look(0.1, samples=1 << 20)
+    view.wait(lambda: view.is_shown(False) and view.preview.picture.samples > 8)
+    view.preview.cancel()
+    time.sleep(1)
+    before = view.preview.picture
+    time.sleep(2)
+    say(name="cancelled", is_still=view.preview.picture is before, samples=before.samples, is_finished=before.is_finished)
+    view.step("after it", lambda: view.look(0.2))
+    for which, change in (("renderer", move(0.5)), ("exporter", deform)):
+        processes[which]._process.kill()
+        view.wait(lambda: view.preview.error)
+        told = view.preview.error
+        view.step(f"the {which} has ended", change, told=told, error=view.preview.error)
+    view.step("moved", move(0.8))
+    say(name="end", error=view.preview.error)
+    view.end()
+
+
+def viewport_cameras(asked):
+    """What a viewport shows by the matrices of the scene's camera, beside a render by that camera."""
+    for name in ("perspective", "shifted", "portrait", "orthographic"):
+        scene = empty(48, samples=16)
+        scene.render.resolution_y = 32
+        scene.primray.preview_samples = 16
+        bpy.ops.mesh.primitive_cube_add(size=1, location=(0.5, 0.2, 0.3), rotation=(0.3, 0.2, 0.4))
+        bpy.context.object.data.materials.append(matte())
+        world((0.5, 0.5, 0.5))
+        add("L", lamp("SUN", 2.0), (0, 0, 2), (0.6, 0.2, 0))
+        camera((0, -4, 1), (math.radians(75), 0, 0.1), **CAMERAS[name])
+        file = render("PRIMRAY", f"{asked['folder']}/{name}.exr")
+        view = Watched(asked["folder"])
+        view.step(name, view.open, render=file)
+        view.end()
 
 
 def failures(asked):
