@@ -86,6 +86,7 @@ docs: setup  ## bring generated pages, sources and parts of README.md up to date
 	$(BIN)/python -m tests.docs.codes.fidelity
 	$(BIN)/python -m tests.docs.conformance.page
 	$(BIN)/python -m tests.docs.measured.light_accuracy
+	$(BIN)/python -m tests.docs.measured.blender_table
 	$(BIN)/python -m tests.docs.measured.benchmarks
 	$(BIN)/python -m tests.docs.gallery.page
 

@@ -1,0 +1,96 @@
+"""The table of docs/blender.md: what arrives of a Blender scene, with what tests/contrib/blender holds beside Cycles.
+
+`python -m tests.docs.measured.blender_table` rewrites it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.contrib.blender.expected import EXPECTED, Expected
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "blender.md"
+BEGIN = "<!-- generated from tests/contrib/blender/expected.py by `make docs`: begin -->"
+END = "<!-- generated from tests/contrib/blender/expected.py: end -->"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What Blender has, what it is here, and the scenes that measure it: (job, names), no names for all of a job."""
+
+    what: str
+    here: str
+    job: str = ""
+    names: tuple[str, ...] = ()
+
+    def scenes(self) -> dict[str, Expected]:
+        known = EXPECTED.get(self.job, {})
+        return {name: known[name] for name in self.names or known}
+
+
+WORLD_IMAGES = ("constant", "image", "image, strong", "image, turned", "image, tilted")
+FLAT = ("perspective", "shifted", "portrait", "orthographic")
+PLAIN = ("default", "rough", "metal", "specular level", "alpha", "sheen", "emission")
+AS_PRINCIPLED = ("Diffuse BSDF", "Emission", "Mix Shader with Transparent BSDF")
+ROWS = (
+    Row("point, spot, area (all shapes, spread) and sun lamps; exposure, temperature, constants of their nodes",
+        "UsdLux, with profiles for spread and the spot's edge", "lamps"),
+    Row("world: colour, strength, environment texture with rotation", "a dome light", "worlds", WORLD_IMAGES),
+    Row("world: any other nodes", "rendered into an image 1,024 pixels wide (note `world-baked`)", "worlds", ("other nodes",)),
+    Row("cameras: perspective, orthographic, shift, sensor fit, clipping, depth of field with blades", "UsdGeomCamera",
+        "cameras", FLAT),
+    Row("panoramic cameras: equirectangular, fisheye", "a table of directions", "cameras",
+        ("equirectangular", "fisheye", "equisolid")),
+    Row("Principled BSDF: base colour, metallic, roughness, specular level, alpha, sheen, emission", "OpenPBR by MaterialX",
+        "surfaces", PLAIN),
+    Row("Principled BSDF: transmission", "its colour's root, as light meets it twice", "surfaces", ("transmission",)),
+    Row("Principled BSDF: coat", "without darkening", "surfaces", ("coat",)),
+    Row("Principled BSDF: subsurface", "as the exporter writes it", "surfaces", ("subsurface",)),
+    Row("Principled BSDF: anisotropic", "roughness and anisotropy converted; highlights lie otherwise", "surfaces",
+        ("anisotropic",)),
+    Row("Diffuse BSDF, Emission, Transparent BSDF mixed with another shader, Emission added to another shader",
+        "as a Principled BSDF", "shaders", AS_PRINCIPLED),
+    Row("Glass BSDF", "as a Principled BSDF", "shaders", ("Glass BSDF",)),
+    Row("Glossy BSDF", "as a metal, which is noted"),
+    Row("other mixes", "one surface with mixed inputs, which is noted"),
+    Row("instances by collections and geometry nodes", "point instancers: one copy of each shape", "instances"),
+    Row("surfaces without a material", "a diffuse grey of 0.8, as in Blender"),
+    Row("curves with a bevel, text, metaballs", "meshes; curves without a bevel are not drawn, as in Blender", "curves"),
+    Row("hair of particles, hair curves", "curves with their widths and material, where the object that grows it is rendered",
+        "hair", ("hair of particles",)),
+    Row("volumes", "their grids, without their material"),
+    Row("subdivision as the last modifier", "a subdivision surface"),
+)  # fmt: skip
+
+
+def table() -> str:
+    """Return the table; what is measured and belongs to no row has one of its own."""
+    shown = {(row.job, name) for row in ROWS for name in row.scenes()}
+    others = [Row(name, "", job, (name,)) for job, names in EXPECTED.items() for name in names if (job, name) not in shown]
+    lines = ["| Blender | here | primray / Cycles | pixels |", "|---|---|---|---|"]
+    return "\n".join([*lines, *(_line(row) for row in (*ROWS, *others))])
+
+
+def _line(row: Row) -> str:
+    scenes = row.scenes()
+    if not row.job:
+        return f"| {row.what} | {row.here} | not measured | |"
+    kinds = dict.fromkeys((one.mean, one.tolerance, one.each) for one in scenes.values())
+    ratios, pixels = [], []
+    for mean, tolerance, each in kinds:
+        names = [name for name, one in scenes.items() if (one.mean, one.tolerance, one.each) == (mean, tolerance, each)]
+        said = f" ({', '.join(names)})" if len(kinds) > 1 and (mean, tolerance, each) != next(iter(kinds)) else ""
+        ratios.append(f"{1 + mean:.3f} ± {tolerance:.3f}{said}")
+        pixels.append(f"{each:.2f}")
+    count = f"; {len(scenes)} scenes" if len(scenes) > 1 else ""
+    return f"| {row.what} | {row.here} | {', '.join(ratios)}{count} | {', '.join(pixels)} |"
+
+
+def with_table(page: str) -> str:
+    before, _, rest = page.partition(BEGIN)
+    return f"{before}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
