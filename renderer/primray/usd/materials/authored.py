@@ -20,6 +20,11 @@ PRINCIPLED = "principledshader"
 _ASSETS = ("info:sourceAsset", "info:karma:sourceAsset", "info:vex:sourceAsset", "info:VEX:sourceAsset")
 
 
+def attribute_of(prim: Usd.Prim, name: str) -> Usd.Attribute:
+    """Return an attribute that is known to be there, without a check."""
+    return prim.GetAttribute(name)
+
+
 class AuthoredAttribute:
     """An input or output of a shader, a node graph or a material, under its whole name ("inputs:roughness")."""
 
@@ -97,6 +102,11 @@ class AuthoredPrim:
     def inputs(self) -> list[str]:
         """Names of the authored inputs, without "inputs:"."""
         return [name[len(INPUT) :] for name in self.names if name.startswith(INPUT)]
+
+    @property
+    def attributes_read(self) -> dict[str, AuthoredAttribute | None]:
+        """The attributes that have been asked for, by name; None where there is none."""
+        return self._attributes
 
     def attribute(self, name: str) -> AuthoredAttribute | None:
         """Return an attribute, None where the prim has none of this name."""

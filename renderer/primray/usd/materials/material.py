@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from pxr import Usd
@@ -84,10 +85,30 @@ def translate_uncached(key: MaterialKey, ctx: Context) -> tuple[Material, list[D
     path, outer = key
     told = Diagnostics(ctx.diagnostics.shown)
     ctx = replace(ctx, outer_colors=outer, diagnostics=told)
-    network = Network(ctx)
-    material = network.at(path)
-    made = Material(None) if material is None else _translate(network, material, ctx.shown(str(path)), ctx)
-    return made, list(told)
+    prim = ctx.stage.GetPrimAtPath(path)
+    return (_translated(prim, ctx) if prim else Material(None)), list(told)
+
+
+def _translated(prim: Usd.Prim, ctx: Context) -> Material:
+    """Translate a material by a recipe that another left, else in full; it may leave one itself."""
+    names, path = tuple(prim.GetAllChildrenNames()), ctx.shown(str(prim.GetPath()))
+    recipes = ctx.caches.recipes.get(names)
+    if recipes is None:
+        ctx.caches.recipes[names] = []
+        network = Network(ctx)
+        return _translate(network, network.prim(prim), path, ctx)
+    from .recipes import MOST, Recording  # imported where materials may be alike
+
+    again: Iterator[Material | None] = (recipe.material(prim, ctx) for recipe in recipes if recipe is not None)
+    if (found := next((made for made in again if made is not None), None)) is not None:
+        return found
+    recording = Recording() if len(recipes) < MOST else None
+    network = Network(ctx, recording)
+    material = network.prim(prim)
+    made = _translate(network, material, path, ctx)
+    if recording is not None:
+        recipes.append(recording.recipe(network, material, made, ctx))
+    return made
 
 
 def _translate(network: Network, material: AuthoredPrim, path: str, ctx: Context) -> Material:

@@ -9,6 +9,7 @@ operator's definition.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -95,12 +96,20 @@ class Node:
 
 
 class Network:
-    """The shading network of one material: what is authored in it, and the context that its faults are reported to."""
+    """The shading network of one material: what is authored in it, and the context that its faults are reported to.
 
-    def __init__(self, ctx: Context) -> None:
-        self.ctx = ctx
+    `recording`: the Recording (recipes.py) by which a material is evaluated that leaves a recipe, else None.
+    """
+
+    def __init__(self, ctx: Context, recording: object = None) -> None:
+        self.ctx, self.recording = ctx, recording
         self.files: dict[tuple[Sdf.Path, str], TextureFile] = {}  # resolved files, by node and input
         self._prims: dict[Sdf.Path, AuthoredPrim] = {}
+
+    @property
+    def prims(self) -> Iterable[AuthoredPrim]:
+        """The prims that have been read."""
+        return self._prims.values()
 
     def at(self, path: Sdf.Path) -> AuthoredPrim | None:
         """Return what is authored on the prim at a path, None where there is no prim."""

@@ -148,12 +148,9 @@ class NodeValues:
             message = f"{wanted.name} = {source.value!r} is not a string: its default is used."
             node.warn("wrong-type", message, INPUT + wanted.name)
             return None
-        values = as_numbers(_flat(source.value))
-        width = WIDTHS[wanted.type]
-        if values is not None and len(values) == 1 and width > 1 and not wanted.type.startswith("matrix"):
-            values = values * width
-        if values is None or len(values) != width:
-            message = f"{wanted.name} = {source.value!r} is not {width} finite numbers: its default is used."
+        values = as_wide(source.value, wanted)
+        if values is None:
+            message = f"{wanted.name} = {source.value!r} is not {WIDTHS[wanted.type]} finite numbers: its default is used."
             node.warn("wrong-type", message, INPUT + wanted.name)
             return None
         return constant_color(values, source, self.ctx) if wanted.type in COLORS else values
@@ -179,6 +176,14 @@ class NodeValues:
         message = f"{name} takes {width} numbers and is connected to {has}: its default is used."
         reader.warn("connection-type", message, INPUT + name)
         return None
+
+
+def as_wide(raw: object, wanted: InputDefinition) -> tuple[float, ...] | None:
+    """Return a value as the finite numbers of an input, one number repeated; None where it is something else."""
+    values, width = as_numbers(_flat(raw)), WIDTHS[wanted.type]
+    if values is not None and len(values) == 1 and width > 1 and not wanted.type.startswith("matrix"):
+        values = values * width
+    return None if values is None or len(values) != width else values
 
 
 def _as_numbers(file: Operand) -> Operand:

@@ -71,6 +71,8 @@ class TranslationCaches:
 
     shader_ids: dict[Sdf.Path, str] = field(default_factory=dict)  # reading one from USD takes ten microseconds
     materials: dict[MaterialKey, tuple[Material, list[Diagnostic]]] = field(default_factory=dict)
+    # Recipes of materials/recipes.py by the names of materials' children; None for each material that left none.
+    recipes: dict[tuple[str, ...], list[Any]] = field(default_factory=dict)
     binding_faults: dict[Sdf.Path, str] = field(default_factory=dict)  # by a binding's target, "" for none
     color_scopes: dict[MaterialKey, ColorScope] = field(default_factory=dict)  # by prim and scopes around its prototype
     color_spaces: dict[str, Source | None] = field(default_factory=dict)  # by name; None: unknown

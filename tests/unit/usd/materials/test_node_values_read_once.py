@@ -11,7 +11,7 @@ from tests.unit.usd.usd_text import translate_text
 
 from primray.description import NodeOutput, PatternInput, PatternNode
 from primray.usd import view_setup
-from primray.usd.materials import authored, material_primvars, texture_files
+from primray.usd.materials import authored, material_primvars, recipes, texture_files
 from primray.usd.materials.materialx import definitions, expressions, filename_tokens
 from primray.usd.materials.surface_inputs import pruned
 
@@ -65,12 +65,14 @@ def _counted(monkeypatch: pytest.MonkeyPatch, name: str, module: Any = authored)
 def test_each_shader_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     ids = _counted(monkeypatch, "shader_id", material_primvars)  # which looks at all shaders of a stage
     others, names = _counted(monkeypatch, "shader_id"), _counted(monkeypatch, "property_names")
+    by_recipe = _counted(monkeypatch, "property_names", recipes)
     description, _ = translate_text(looks(0, 3))
     assert len(description.surfaces) == 3
     assert all(surface.pattern is not None for surface in description.surfaces)
     each = Counter({f"/m{number}/{name}": 1 for number in range(3) for name in SHADERS})
     assert (ids, others) == (each, Counter())
-    assert names == each + Counter({f"/m{number}": 1 for number in range(3)})
+    assert names + by_recipe == each + Counter({f"/m{number}": 1 for number in range(3)})
+    assert {path.split("/")[1] for path in by_recipe} == {"m2"}  # the second leaves the recipe
 
 
 READS = ("shader_id", "property_names", "connections", "value", "color_space_name", "default_value")

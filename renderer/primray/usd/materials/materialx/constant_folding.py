@@ -27,7 +27,8 @@ def each(function: Callable[..., float], *names: str) -> Fold:
     """Return the folding of a function applied to each component of these inputs."""
 
     def fold(inputs: Constants, width: int) -> Numbers:
-        return tuple(map(function, *(wide(inputs[name], width) for name in names)))
+        given = [inputs[name] for name in names]
+        return tuple(map(function, *[value * width if len(value) == 1 else value for value in given]))
 
     return fold
 

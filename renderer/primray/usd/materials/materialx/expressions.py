@@ -43,12 +43,12 @@ class Expressions:
         defaults = found.defaults
         given = {key: value for key, value in inputs.items() if key in defaults}
         if graph(name) is None:
-            return self._of_inputs(found, {**defaults, **given}, path)
+            return self._primitive(found, {**defaults, **given}, path)
         left = _residual_of(name, frozenset(given))
         made: list[Outputs] = []
         for step in left.steps:
             values = [_actual(o, given, made) if type(o) is NodeOutput else o for o in step.operands]
-            made.append(self._primitive(step.definition, step.names, values, path))
+            made.append(self._primitive(step.definition, dict(zip(step.names, values, strict=True)), path))
         actual = ((key, _actual(o, given, made) if type(o) is NodeOutput else o) for key, o in left.outputs)
         return {key: value for key, value in actual if value is not None}
 
@@ -56,7 +56,7 @@ class Expressions:
         """Return the outputs of a library node, its implementation graph expanded to primitives."""
         implementation = graph(found.name)
         if implementation is None or depth > DEEPEST:
-            return self._of_inputs(found, {**found.defaults, **inputs}, "")
+            return self._primitive(found, {**found.defaults, **inputs}, "")
         made: list[Outputs] = []
         for step in implementation.steps:
             inner = definition(step.definition)
@@ -69,28 +69,25 @@ class Expressions:
         outputs = {key: _operand(source, inputs, found, made) for key, source in implementation.outputs}
         return {key: value for key, value in outputs.items() if value is not None}
 
-    def _of_inputs(self, found: Definition, inputs: Mapping[str, Operand | None], path: str) -> Outputs:
-        return self._primitive(found, tuple(inputs), list(inputs.values()), path)
-
-    def _primitive(self, found: Definition, names: tuple[str, ...], values: list[Operand | None], path: str) -> Outputs:
-        """Return the outputs of a primitive; `names` and `values`: its inputs, in the definition's order."""
+    def _primitive(self, found: Definition, inputs: dict[str, Operand | None], path: str) -> Outputs:
+        """Return the outputs of a primitive; `inputs`: all that it has, in the definition's order."""
         name = found.outputs[0][0]
         if found.category in _FILES:
-            if not _is_file(values[names.index("file")] if "file" in names else None):
-                default = values[names.index("default")] if "default" in names else None
+            if not _is_file(inputs.get("file")):
+                default = inputs.get("default")
                 return {name: default} if default is not None else {}
-            if "layer" in names:
-                values = _with_layer(values, names.index("file"), names.index("layer"))
-        simple = _without_node(found, names, values)
+            if "layer" in inputs:
+                inputs = _with_layer(inputs)
+        simple = _without_node(found, inputs)
         if simple is not None:
             return {name: simple}
-        key = (found.name, *values)
+        key = (found.name, *inputs.values())
         outputs = self._known.get(key)
         if outputs is None:
             index = len(self.nodes)
             if index >= MOST_NODES:
                 raise TooManyNodesError
-            given = tuple([pair for pair in zip(names, values, strict=True) if pair[1] is not None])
+            given = tuple([pair for pair in inputs.items() if pair[1] is not None])
             self.nodes.append(PatternNode(found.category, found.type, found.name, given, path))  # type: ignore[arg-type]
             outputs = self._known[key] = {output: NodeOutput(index, output) for output, _ in found.outputs}
         return outputs
@@ -165,31 +162,26 @@ def _actual(operand: NodeOutput, given: Mapping[str, Operand], made: list[Output
     return given[operand.output] if operand.node == _GIVEN else made[operand.node].get(operand.output)
 
 
-def _without_node(found: Definition, names: tuple[str, ...], values: list[Operand | None]) -> Operand | None:
+def _without_node(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
     """Return a node's value where it needs no node (an operand passed through, or folded constants), else None."""
     rule = _RULES.get(found.category)
     if rule is not None:
-        simple = rule(found, dict(zip(names, values, strict=True)))
+        simple = rule(found, inputs)
         if simple is not None:
             return simple
-    for value in values:
-        if type(value) is not tuple:
-            return None
-    return folded(found, dict(zip(names, values, strict=True)))  # all inputs are constant
+    return folded(found, inputs)
 
 
 def _is_file(value: object) -> bool:
     return (isinstance(value, TextureFile) and value.path != "") or (isinstance(value, NodeOutput) and value.node == _GIVEN)
 
 
-def _with_layer(values: list[Operand | None], file: int, layer: int) -> list[Operand | None]:
+def _with_layer(inputs: dict[str, Operand | None]) -> dict[str, Operand | None]:
     """Return a file node's inputs with its layer moved into the file, where it belongs."""
-    name, read = values[layer], values[file]
+    name, read = inputs["layer"], inputs["file"]
     if not isinstance(name, str) or not name or not isinstance(read, TextureFile):
-        return values
-    made = list(values)
-    made[file], made[layer] = replace(read, layer=name), ""
-    return made
+        return inputs
+    return {**inputs, "file": replace(read, layer=name), "layer": ""}
 
 
 def _operand(source: object, inputs: Mapping[str, Operand], found: Definition, made: list[Outputs]) -> Operand | None:

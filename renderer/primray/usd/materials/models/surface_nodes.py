@@ -5,15 +5,17 @@ open_pbr_surface, whose inputs are those of KnownSurface, and surface_unlit are 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 
 from ....description import OpenPbr, Operand
 from ...scene.context import Context
 from ...scene.notes import note_unknown_schemas
-from ..materialx.expressions import MOST_NODES, TooManyNodesError
+from ..materialx.definitions import Definition
+from ..materialx.expressions import MOST_NODES, Expressions, TooManyNodesError
 from ..network import Node
 from ..node_values import NodeValues, definition_of
+from ..recipes import Recording
 from ..translated_material import Material
 from . import disney_principled, gltf_pbr, standard_surface
 from .open_pbr import ONE, WHITE, ZERO, KnownSurface, Reader, as_open_pbr, is_cut_out
@@ -72,14 +74,26 @@ def known_material(shader: Node, path: str, ctx: Context) -> Material | None:
     if found is None or found.name not in SURFACE_READERS:
         return None
     note_unknown_schemas(shader.shader.prim, shader.shown, ctx)
-    values = NodeValues(ctx)
+    asked = shader.network.recording
+    recording = asked if isinstance(asked, Recording) else None
+    values = NodeValues(ctx) if recording is None else recording.values(ctx)
     try:
         given = values.inputs_of(shader, found)
-        known = SURFACE_READERS[found.name](Reader({**found.default_operands, **given}, values.expressions))
-        surface, told = as_open_pbr(known, values.expressions, path)
+        if recording is not None:
+            recording.close(shader, found, given)
+        made, told = material_of(found, given, values.expressions, path)
     except TooManyNodesError:
         ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
         return Material(None)
-    if sentences := told.sentences():
-        shader.warn("material-input", sentences)
-    return Material(surface, is_cut_out(known))
+    if told:
+        shader.warn("material-input", told)
+    if recording is not None:
+        recording.material, recording.told = made, told
+    return made
+
+
+def material_of(found: Definition, given: Mapping[str, Operand], expressions: Expressions, path: str) -> tuple[Material, str]:
+    """Return the material that a known surface's inputs describe, and what to report of them."""
+    known = SURFACE_READERS[found.name](Reader({**found.default_operands, **given}, expressions))
+    surface, told = as_open_pbr(known, expressions, path)
+    return Material(surface, is_cut_out(known)), told.sentences()
