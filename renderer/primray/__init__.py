@@ -21,6 +21,7 @@ from .settings import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, Rend
 from .version import __version__
 
 if TYPE_CHECKING:
+    from . import dataset
     from .camera import Camera, Projection, looking_at
     from .checkpoints.checkpointing import Checkpointing
     from .compare.comparison import Comparison, Verdict
@@ -78,6 +79,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "compare",
+    "dataset",
     "debug_pixel",
     "doctor",
     "errors",
@@ -128,10 +130,12 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
     }
 
     def __getattr__(name):
-        if name not in _WHERE:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from importlib import import_module
 
+        if name == "dataset":  # a package, with names of its own
+            return import_module(f"{__name__}.dataset")
+        if name not in _WHERE:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         return getattr(import_module(f"{__name__}.{_WHERE[name]}"), name)
 
     def __dir__():

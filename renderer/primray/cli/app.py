@@ -26,6 +26,7 @@ from ..settings import RenderSettings, rows
 from ..settings.setting import Flag
 from .commands.ci import ci
 from .commands.compare import compare
+from .commands.dataset import dataset
 from .commands.doctor import doctor
 from .commands.estimate import estimate
 from .commands.inspect import inspect
@@ -232,6 +233,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "inspect": inspect,
     "sheet": sheet,
     "thumbnail": thumbnail,
+    "dataset": dataset,
     "compare": compare,
     "ci": ci,
     "doctor": doctor,

@@ -27,6 +27,7 @@ from .stage.metadata import stage_name, used_files
 from .stage.open import limit_threads, open_stage, reload_layers
 from .stage.reads import read_asset
 from .translate import camera_paths, translate
+from .variation.varied_stage import VariedStage
 
 __all__ = [
     "Dependencies",
@@ -35,6 +36,7 @@ __all__ = [
     "LabelledPrims",
     "ProductSettings",
     "RenderVariable",
+    "VariedStage",
     "assets_of",
     "bound_materials",
     "camera_layer",

@@ -35,7 +35,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
     "translation": ("textures", "tessellation", "usd"),
     "core": ("core",),
     "rendering": ("sampling", "staging", "images", "labels", "denoising", "report", "checkpoints", "distributed", "render"),
-    "tools": ("diagnosis", "incremental", "live", "compare", "ci"),
+    "tools": ("diagnosis", "incremental", "live", "compare", "ci", "dataset"),
     "command line": ("cli",),
 }
 

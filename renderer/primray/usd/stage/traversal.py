@@ -193,6 +193,11 @@ def children(prim: Usd.Prim, drawable_prims: Usd._PrimFlagsPredicate) -> list[Us
     return found
 
 
+def world_children(prim: Usd.Prim) -> list[Usd.Prim]:
+    """Return the children that are in the world, those in native instances as their proxies."""
+    return children(prim, Usd.TraverseInstanceProxies())
+
+
 def all_children(prim: Usd.Prim) -> list[Usd.Prim]:
     found: list[Usd.Prim] = prim.GetAllChildren()
     return found

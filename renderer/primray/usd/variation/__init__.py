@@ -1,0 +1,5 @@
+"""Edits of a stage that vary from picture to picture: values of attributes, variants, and placements of prims.
+
+varied_stage.py  what is written to the session layer of a stage, and what of it is read: placements, boxes, surfaces
+values.py        values of a config as values of an attribute's type
+"""
