@@ -113,6 +113,9 @@ def _config_of(root: Entry, folder: Path) -> Config:
         for needed in WRITERS[name].PICTURES:
             if needed not in pictures:
                 raise fields["write"].fault(f"{name} needs {needed} among the pictures")
+        for needed in WRITERS[name].AOVS:
+            if needed not in settings.get("aovs", ()):
+                raise fields["write"].fault(f"{name} needs the AOV {needed}: settings: {{aovs: [{needed}]}}")
     return Config(
         plain=root.plain,
         folder=folder,

@@ -146,6 +146,7 @@ class Sampler:
             "index": index,
             "varied": drawn,
             "resolution": list(image.resolution),
+            "meters_per_unit": self._varied.meters_per_unit,
             "camera": camera_as_json(camera)
             | {
                 "intrinsics": camera.intrinsics(image.resolution).tolist() if pinhole else None,

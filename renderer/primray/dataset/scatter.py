@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -20,16 +21,22 @@ from .draws import Draws
 
 TRIES = 200  # of one thing in one arrangement
 ARRANGEMENTS = 50
-_PARALLEL = 1e-9  # cross products of edges below this are no axes
+_PARALLEL = 1e-5  # sine of the angle below which edges have no cross product
+_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Box:
     """An oriented box. `axes` (3, 3): its unit axes as columns; `half` (3,): half its sizes along them."""
 
     center: Doubles
     axes: Doubles
     half: Doubles
+
+    @cached_property
+    def radius(self) -> float:
+        """Of the sphere around it."""
+        return float(np.linalg.norm(self.half))
 
     @staticmethod
     def of(corners: tuple[Doubles, Doubles], world: Doubles) -> Box:
@@ -51,12 +58,25 @@ class Box:
 
 def are_apart(a: Box, b: Box) -> bool:
     """Return whether a plane separates two boxes; touching ones are apart."""
-    axes = [*a.axes.T, *b.axes.T]
-    axes += [np.cross(u, v) for u in a.axes.T for v in b.axes.T]
-    directions = np.array([axis for axis in axes if np.dot(axis, axis) > _PARALLEL])
-    between = np.abs(directions @ (b.center - a.center))
-    reach = np.abs(directions @ a.axes) @ a.half + np.abs(directions @ b.axes) @ b.half
-    return bool((between >= reach - 1e-9 * np.abs(reach).max()).any())
+    between = b.center - a.center
+    if float(between @ between) >= (a.radius + b.radius) ** 2:
+        return True
+    # Test the faces of both, then the cross products of their edges, which near-parallel edges do not have.
+    turn = a.axes.T @ b.axes
+    reach, at = np.abs(turn), a.axes.T @ between
+    slack = 1e-9 * (a.radius + b.radius)
+    if (np.abs(at) >= a.half + reach @ b.half - slack).any():
+        return True
+    if (np.abs(b.axes.T @ between) >= b.half + a.half @ reach - slack).any():
+        return True
+    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+        across = a.half[j] * reach[k] + a.half[k] * reach[j]
+        across = across + b.half[_NEXT] * reach[i][_AFTER] + b.half[_AFTER] * reach[i][_NEXT]
+        lengths = np.sqrt(np.maximum(0, 1 - turn[i] ** 2))
+        away = np.abs(at[k] * turn[j] - at[j] * turn[k])
+        if ((away >= across - slack * lengths) & (lengths > _PARALLEL)).any():
+            return True
+    return False
 
 
 class Surfaces:
@@ -192,4 +212,4 @@ def _turn_about(axis: Doubles, angle: float) -> Doubles:
 def _shortest_turn(one: Doubles, other: Doubles) -> Doubles:
     axis, cosine = np.cross(one, other), float(np.clip(one @ other, -1, 1))
     size = float(np.linalg.norm(axis))
-    return np.eye(3) if size < _PARALLEL else _turn_about(axis / size, math.atan2(size, cosine))
+    return np.eye(3) if size < 1e-9 else _turn_about(axis / size, math.atan2(size, cosine))

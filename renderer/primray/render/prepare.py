@@ -217,7 +217,7 @@ def _labelled_prims(
 
     labelled = usd.LabelledPrims(stage, settings.time_code)
     known = labelled.taxonomies()
-    wanted = dict.fromkeys(str(taxonomy_of(request.source)) for request in requests)
+    wanted = dict.fromkeys(taxonomy for request in requests if (taxonomy := taxonomy_of(request.source)) is not None)
     for taxonomy in wanted:
         if taxonomy not in known:
             hint = did_you_mean(taxonomy, known)

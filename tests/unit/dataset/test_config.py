@@ -12,6 +12,8 @@ from primray.errors import SettingsError
 
 from .room import write_room
 
+pytest.importorskip("yaml", reason="no PyYAML")
+
 START = "stage: room.usda\nsamples: 2\n"
 
 

@@ -22,6 +22,8 @@ from primray.errors import InternalError, PrimrayError, SettingsError
 
 from .room import config_in, plain_config, write_room
 
+pytest.importorskip("yaml", reason="no PyYAML")
+
 TINY = {"resolution": [8, 6], "spp": 1, "max_depth": 1}
 
 

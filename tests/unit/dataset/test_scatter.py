@@ -106,3 +106,29 @@ def test_things_lean_with_the_surface_unless_they_are_upright() -> None:
         world = place_all(things, Surfaces(slope, UP, 45), [], how, Draws(0, 0, "x"))["/a"]
         leans = np.array([-1, 2, 0]) / math.sqrt(5)
         assert world[:3, 1] / 0.5 == pytest.approx(UP if upright else leans)
+
+
+def separated_by_an_axis(a: Box, b: Box) -> bool:
+    """The textbook's 15 axes, by the corners' projections."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    p, q = ((corners * box.half) @ box.axes.T + box.center for box in (a, b))
+    axes = [*a.axes.T, *b.axes.T, *(np.cross(u, v) for u in a.axes.T for v in b.axes.T)]
+    gaps = [max((q @ n).min() - (p @ n).max(), (p @ n).min() - (q @ n).max()) for n in axes if n @ n > 1e-9]
+    return bool(max(gaps) >= 0)
+
+
+def test_random_boxes_are_apart_where_one_of_the_15_axes_says_so() -> None:
+    found = []
+    for k in range(400):
+        draws = Draws(3, k, "boxes")
+        a, b = (
+            Box(
+                np.array([draws.uniform(-1, 1) for _ in range(3)]),
+                draws.rotation(),
+                np.array([draws.uniform(0.1, 0.9) for _ in range(3)]),
+            )
+            for _ in range(2)
+        )
+        assert are_apart(a, b) is separated_by_an_axis(a, b)
+        found.append(are_apart(a, b))
+    assert 100 < sum(found) < 350

@@ -14,6 +14,8 @@ from primray.errors import SettingsError
 
 from .room import config_in
 
+pytest.importorskip("yaml", reason="no PyYAML")
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:

@@ -1,6 +1,6 @@
 """Formats of data sets: a module each, which writes a folder of all samples, in their order.
 
-A module has NEEDS_LABELS and PICTURES (the kinds of pictures that it needs of each sample), `options(entry)`, which reads its
+A module has NEEDS_LABELS, PICTURES and AOVS (what it needs of each sample), `options(entry)`, which reads its
 part of a config, and `write(samples, config, lock, options, folder)`, which returns sentences on what the format cannot hold.
 
 coco.py   annotations.json with masks as run lengths
@@ -12,12 +12,8 @@ yolo.py   boxes as texts
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import Any
 
-WRITERS: dict[str, Any] = {}
+from . import bop, coco, hdf5, kitti, yolo
 
-
-def _register(*modules: ModuleType) -> None:
-    for module in modules:
-        WRITERS[module.__name__.rpartition(".")[2]] = module
+WRITERS: dict[str, Any] = {"coco": coco, "kitti": kitti, "bop": bop, "yolo": yolo, "hdf5": hdf5}

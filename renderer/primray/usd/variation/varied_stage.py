@@ -22,7 +22,7 @@ from ...arrays import Doubles
 from ...errors import SettingsError, did_you_mean
 from ..scene.inheritance import transforms, world_matrix
 from ..stage.composition import choose_variants
-from ..stage.metadata import up_axis
+from ..stage.metadata import meters_per_unit, up_axis
 from ..stage.reads import computed, local_transform, property_names, type_name, value_at
 from ..stage.traversal import find_below, world_children
 from ..stage.values import When, array, read, value, when_of_few
@@ -50,6 +50,7 @@ class VariedStage:
         self._types: dict[str, Sdf.ValueTypeName] = {}
         self._written: dict[str, Any] = {}
         self._own: dict[str, tuple[Gf.Matrix4d, bool]] = {}  # authored local transforms of the prims that are placed
+        self.meters_per_unit = meters_per_unit(stage)
         self.up = np.array([0.0, 1.0, 0.0]) if up_axis(stage) == "Y" else np.array([0.0, 0.0, 1.0])
 
     def prims(self, pattern: str) -> list[str]:

@@ -1,0 +1,50 @@
+"""YOLO: images/train/NNNNNN.png, labels/train/NNNNNN.txt with a line of each visible thing, and data.yaml.
+
+A line is `class xc yc w h`: the class counts from 0 in the order of the table's ids, the box is that of the visible pixels, by
+the picture's width and height. Pictures without things have an empty file.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..packing import Sample, link
+from .coco import box_of, classes_of
+
+if TYPE_CHECKING:
+    from ..config import Config
+    from ..document import Entry
+    from ..lock_file import Lock
+
+NEEDS_LABELS, PICTURES, AOVS = True, ("png",), ()
+
+
+def options(entry: Entry | None) -> dict[str, Any]:
+    if entry is not None:
+        entry.fields()
+    return {}
+
+
+def write(samples: Iterable[Sample], config: Config, lock: Lock, asked: Any, folder: Path) -> list[str]:
+    classes = classes_of(lock, config)
+    numbers = {number: k for k, (_, number) in enumerate(classes)}
+    labels = folder / "labels/train"
+    labels.mkdir(parents=True)
+    for sample in samples:
+        width, height = sample.resolution
+        link(sample.file("picture"), folder / "images/train" / f"{sample.name}.png")
+        lines = []
+        for place, thing in enumerate(sample.things):
+            mask = sample.mask(place)
+            if mask.any():
+                x, y, w, h = box_of(mask)
+                numbers_of_box = ((x + w / 2) / width, (y + h / 2) / height, w / width, h / height)
+                lines.append(f"{numbers[thing['class_id']]} " + " ".join(f"{value:.9g}" for value in numbers_of_box))
+        (labels / f"{sample.name}.txt").write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    names = "".join(f"  {k}: {json.dumps(name, ensure_ascii=False)}\n" for k, (name, _) in enumerate(classes))
+    text = f"path: .\ntrain: images/train\nval: images/train\nnames:\n{names}"
+    (folder / "data.yaml").write_text(text, encoding="utf-8")
+    return []
