@@ -43,7 +43,7 @@ def write(samples: Iterable[Sample], config: Config, lock: Lock, asked: Any, fol
     scene = folder / SCENE
     for name in ("depth", "mask_visib"):
         (scene / name).mkdir(parents=True)
-    cameras, poses, infos = {}, {}, {}
+    cameras, poses, infos = dict[str, Any](), dict[str, list[Any]](), dict[str, list[Any]]()
     left_out = {"without a 3-D box": 0, "sheared": 0}
     first: dict[str, Any] | None = None
     for sample in samples:

@@ -35,7 +35,7 @@ def options(entry: Entry | None) -> dict[str, Any]:
 def write(samples: Iterable[Sample], config: Config, lock: Lock, asked: Any, folder: Path) -> list[str]:
     """Write annotations.json and images/NNNNNN.png; keypoints are counted from pixels' middles, as in COCO's own data."""
     encode = mask_encoder()
-    images, annotations, keypoints = [], [], dict[int, list[str]]()
+    images, annotations, keypoints = list[Any](), list[Any](), dict[int, list[str]]()
     for sample in samples:
         width, height = sample.resolution
         name = f"{sample.name}.png"
