@@ -1,4 +1,4 @@
-"""Executors of samples: processes on this machine. The service has one for a Ray cluster."""
+"""Executors of samples: the interface of all of them, and processes on this machine."""
 
 from __future__ import annotations
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,10 +14,9 @@ from ...errors import SettingsError
 from ..flags import in_order
 
 if TYPE_CHECKING:
-    from ...dataset import Made, SampleExecutor, Verification
+    from ...dataset import Made, Verification
 
 VERIFY = "verify"
-GROUP, RAY = "primray.sample_executors", "ray"
 EVERY_S = 2.0  # between lines of progress
 
 
@@ -39,15 +37,6 @@ def dataset(
     ] = None,
     processes: Annotated[int, typer.Option("--processes", "-n", metavar="N", help="Number of simultaneous renders.")] = 1,
     threads: int | None = None,
-    ray: Annotated[
-        str | None,
-        typer.Option(
-            "--ray",
-            metavar="ADDRESS",
-            help="Render on the nodes of a Ray cluster, which share the folders: HOST:PORT, or auto on one of its nodes.",
-            show_default=False,
-        ),
-    ] = None,
     share: Annotated[
         float, typer.Option("--share", metavar="SHARE", help="Share of the samples that verify renders again.")
     ] = 0.01,
@@ -72,15 +61,14 @@ def dataset(
         return
     if folder is not None or output is None:
         raise SettingsError("-o names the folder of the data set: primray dataset CONFIG -o DIR", code="dataset-output")
-    _make(source, output, processes, threads, ray, as_json)
+    _make(source, output, processes, threads, as_json)
 
 
-def _make(source: str, output: str, processes: int, threads: int | None, ray: str | None, as_json: bool) -> None:
+def _make(source: str, output: str, processes: int, threads: int | None, as_json: bool) -> None:
     from ...dataset import Config, make
 
     config = Config.read(source)
-    with ray_workers(ray) as executor:
-        made = make(config, output, processes=processes, threads=threads, executor=executor, progress=_shown("samples done"))
+    made = make(config, output, processes=processes, threads=threads, progress=_shown("samples done"))
     _print_made(made, as_json)
 
 
@@ -165,15 +153,3 @@ def _shown(what: str) -> Callable[[int, int], None]:
             print(f"{done} of {count} {what}, {(done - first) / max(now - begun, 1e-9):.1f} a second", file=sys.stderr)
 
     return show
-
-
-def ray_workers(address: str | None) -> AbstractContextManager[SampleExecutor | None]:
-    """Return the executor of samples on the Ray cluster at `address`, None without one; SettingsError if no package has it."""
-    if address is None:
-        return nullcontext(None)
-    from importlib.metadata import entry_points
-
-    for entry in entry_points(group=GROUP, name=RAY):
-        made: AbstractContextManager[SampleExecutor] = entry.load()(address)
-        return made
-    raise SettingsError("--ray needs the render service: pip install 'primray[server,ray]'", code="ray-missing")
