@@ -247,8 +247,26 @@ def test_bop_poses_lead_to_where_the_mask_is(made: Path) -> None:
                 assert x <= at[0] / at[2] <= x + w
                 assert y <= at[1] / at[2] <= y + h
                 counted += 1
-    if any(poses.values()):
-        assert counted
+    assert counted
+
+
+def test_bop_boxes_of_whole_things_are_of_pixels() -> None:
+    assert bop.whole_pixels([2.0, 3.0, 3.0, 4.0]) == [2, 3, 0, 0]  # one pixel has width 0, as bop_toolkit's
+    assert bop.whole_pixels([-1.5, 2.25, 4.5, 6.0]) == [-2, 2, 6, 3]
+
+
+def test_kitti_boxes_hold_the_corners_of_the_3d_boxes(made: Path) -> None:
+    for sample in samples_of(made):
+        rows = read_kitti(made / f"kitti/training/label_2/{sample.name}.txt")
+        for row, (thing, _) in zip(rows, visible(sample), strict=True):
+            pose, half = np.array(thing["box_3d"]["camera_from_box"]), np.array(thing["box_3d"]["size"]) / 2
+            own = half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+            inside, corners = own @ pose[:3, :3].T + pose[:3, 3], corners_of_kitti(row)
+            c, s = math.cos(row["turn"]), math.sin(row["turn"])
+            back = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+            for end in (np.min, np.max):
+                reach = end(corners @ back, axis=0), end(inside @ back, axis=0)
+                assert reach[0] == pytest.approx(reach[1], abs=2e-3)
 
 
 @pytest.mark.parametrize(

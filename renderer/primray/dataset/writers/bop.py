@@ -9,7 +9,8 @@ and -1 -1 -1 -1 where nothing is seen. (bop_toolkit, docs/bop_datasets_format.md
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -138,10 +139,16 @@ def info_of(thing: dict[str, Any], mask: np.ndarray[Any, Any]) -> dict[str, Any]
     x, y, w, h = box_of(mask) if seen else NOWHERE
     whole = thing["box_all"]
     said: dict[str, Any] = {
-        "bbox_obj": NOWHERE if whole is None else [whole[0], whole[1], whole[2] - whole[0] - 1, whole[3] - whole[1] - 1],
+        "bbox_obj": NOWHERE if whole is None else whole_pixels(whole),
         "bbox_visib": [x, y, w - 1, h - 1] if seen else NOWHERE,
         "px_count_visib": seen,
     }
     if every is not None:
         said |= {"px_count_all": every, "px_count_valid": every, "visib_fract": seen / every if every else 0.0}
     return said
+
+
+def whole_pixels(box: Sequence[float]) -> list[int]:
+    """Return x, y, width and height, as BOP counts them, of the pixels that a box x0, y0, x1, y1 touches."""
+    x0, y0 = math.floor(box[0]), math.floor(box[1])
+    return [x0, y0, math.ceil(box[2]) - 1 - x0, math.ceil(box[3]) - 1 - y0]
