@@ -11,12 +11,12 @@ namespace primray {
 
 namespace {
 
-constexpr int kOutlinePoints = 256;      // of a sphere: its box is 0.00008 of a radius too small at most
-constexpr int kCurvePoints = 9;          // along a segment of a curve
-constexpr int kCurveOutlinePoints = 32;  // of a ball on it
-constexpr int kMostEdgePoints = 32;      // on a bent edge
-constexpr double kEdgePixels = 8;        // between two of them
-constexpr int kRounds = 5;               // of finding the time at which a point is seen
+constexpr int kOutlinePoints = 256;  // of a sphere: its box is 0.00008 of a radius too small at most
+constexpr int kCurvePoints = 9;      // along a segment of a curve
+constexpr int kDiscPoints = 32;      // of a disc across it
+constexpr int kMostEdgePoints = 32;  // on a bent edge
+constexpr double kEdgePixels = 8;    // between two of them
+constexpr int kRounds = 5;           // of finding the time at which a point is seen
 constexpr double kPi = 3.14159265358979323846;
 
 int32_t group_of_triangle(const Scene& scene, uint32_t triangle) {
@@ -97,7 +97,8 @@ class PartMeasure {
   }
 
   // A unit ball in a space of its own.
-  void ball(const daffine& group_from_ball, int count) {
+  void ball(const daffine& group_from_ball) {
+    constexpr int count = kOutlinePoints;
     const daffine m = world_from_group_ * group_from_ball;
     const auto half = [&](const daffine& to) {
       return dvec3{std::hypot(to.x.x, to.y.x, to.z.x), std::hypot(to.x.y, to.y.y, to.z.y), std::hypot(to.x.z, to.y.z, to.z.z)};
@@ -147,7 +148,8 @@ class PartMeasure {
       dvec3 at(0.0);
       double radius = 0;
       for (int k = 0; k < 4; ++k) at = at + p[k] * w[k], radius += r[k] * w[k];
-      ball({{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, at}, kCurveOutlinePoints);
+      const dvec3 tangent = (p[1] - p[0]) * (s * s) + (p[2] - p[1]) * (2 * s * t) + (p[3] - p[2]) * (t * t);
+      disc(at, tangent, radius);
     }
   }
 
@@ -243,6 +245,22 @@ class PartMeasure {
     f[0] = std::min(f[0], seen.x), f[1] = std::min(f[1], seen.y), f[2] = std::max(f[2], seen.x), f[3] = std::max(f[3], seen.y);
   }
 
+  // A disc across a tube.
+  void disc(const dvec3& middle, const dvec3& tangent, double radius) {
+    const double length = std::sqrt(dot(tangent, tangent));
+    const dvec3 n = length > 0 ? tangent * (1 / length) : dvec3{0, 0, 1};
+    const dvec3 any = std::abs(n.x) < 0.6 ? dvec3{1, 0, 0} : dvec3{0, 1, 0};
+    dvec3 u = cross(n, any);
+    u = u * (1 / std::sqrt(dot(u, u)));
+    const dvec3 v = cross(n, u);
+    for (int i = 0; i < kDiscPoints; ++i) {
+      const double phi = 2 * kPi * i / kDiscPoints;
+      const dvec3 at = middle + (u * std::cos(phi) + v * std::sin(phi)) * radius;
+      bound_in_axes(world_from_group_.point(at));
+      add(see([&](float time) { return (time == frame_ ? world_from_group_ : matrix(time)).point(at); }));
+    }
+  }
+
   // Where the camera sees what is at place(time): with a rolling shutter at the time of the row and column that it is seen in.
   template <class Place>
   Seen see(const Place& place) const {
@@ -336,7 +354,7 @@ std::vector<Extent> find_extents(const Scene& scene, int threads, const std::vec
         for (const Group& group : scene.groups)
           for_curved_kinds([&]<class K>(K) {
             const CurvedRange& range = group.curved.of<K>();
-            if (range.has_row(row)) measure.ball(scene.curved.records<K>()[range.record_of(row)].to_group(), kOutlinePoints);
+            if (range.has_row(row)) measure.ball(scene.curved.records<K>()[range.record_of(row)].to_group());
           });
       }
       found[i] = measure.extent();

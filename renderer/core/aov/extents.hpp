@@ -1,8 +1,8 @@
 // Extents of parts of a scene: on the film, in depth, and in axes of their own.
 //
 // A part is a row of meshes or curved shapes in the world, or in one instance. Triangles are bounded by their vertices, and by
-// points along their edges where the lens or the rolling shutter bends these; spheres by their outlines; curves by spheres
-// along them. What is behind a pinhole's near plane is cut off.
+// points along their edges where the lens or the rolling shutter bends these; spheres by their outlines; curves by discs
+// across them. What is behind a pinhole's near plane is cut off.
 #pragma once
 
 #include <cstdint>

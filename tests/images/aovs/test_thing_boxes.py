@@ -439,3 +439,96 @@ def test_boxes_follow_a_rolling_shutter(tmp_path: Path) -> None:
     still = _render(path, time_code=0.0, motion_blur=False).things[0]
     assert still.box_all is not None
     assert abs(still.box_all[0] - box.box_all[0]) > 5
+
+
+MOVING = """
+def Mesh "flag" {
+    token[] semantics:labels:class = ["flag"]
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points.timeSamples = {
+        0: [(-3, 0, -9), (-1, 0, -9), (-1, 1, -9), (-3, 1, -9)],
+        1: [(-3, 1, -8), (-1, 2, -9), (0, 3, -9), (-3, 2, -9)]
+    }
+    uniform token subdivisionScheme = "none"
+}
+class "_rotor" {
+    token[] semantics:labels:class = ["rotor"]
+    def Cube "blade" {
+        double size = 1.5
+    }
+}
+def Xform "rotor0" (
+    instanceable = true
+    inherits = </_rotor>
+) {
+    float3 xformOp:rotateXYZ.timeSamples = {0: (0, 0, 0), 1: (40, 70, 20)}
+    double3 xformOp:translate.timeSamples = {0: (2, 0, -9), 1: (3, 1, -9)}
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
+}
+def Xform "rotor1" (
+    instanceable = true
+    inherits = </_rotor>
+) {
+    double3 xformOp:translate = (0, -2, -9)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def PointInstancer "swarm" {
+    rel prototypes = </swarm/bee>
+    int[] protoIndices = [0, 0]
+    point3f[] positions.timeSamples = {0: [(-2, -2, -9), (2, -2, -9)], 1: [(-2, -1, -8), (3, -2, -9)]}
+    def Sphere "bee" {
+        token[] semantics:labels:class = ["bee"]
+        double radius = 0.4
+    }
+}
+"""
+
+
+def test_boxes_of_what_moves_are_those_of_the_frame(tmp_path: Path) -> None:
+    """With an open shutter, around which all and the camera move, boxes are those of a still of the frame."""
+    path = _write(tmp_path, MOVING)
+    still = "    float2 clippingRange"
+    shutter = "    double shutter:open = -0.25\n    double shutter:close = 0.25\n"
+    shutter += "    double3 xformOp:translate.timeSamples = {0: (0, 0, 0), 1: (0.5, 0.2, 0)}\n"
+    shutter += '    uniform token[] xformOpOrder = ["xformOp:translate"]\n'
+    path.write_text(path.read_text().replace(still, shutter + still, 1))
+    blurred = {thing.path: thing for thing in _render(path, time_code=0.5).things}
+    still_things = {thing.path: thing for thing in _render(path, time_code=0.5, motion_blur=False).things}
+    assert set(blurred) == set(still_things) == {"/flag", "/rotor0", "/rotor1", "/swarm[0]", "/swarm[1]"}
+    for name, thing in blurred.items():
+        expected = still_things[name]
+        _near(thing.box_all, expected.box_all, 0.02)
+        assert thing.box_3d is not None
+        assert expected.box_3d is not None
+        _near(thing.box_3d.size, expected.box_3d.size, 5e-3)
+        _near(thing.box_3d.center, expected.box_3d.center, 5e-3)
+        assert abs(thing.pixels_visible - expected.pixels_visible) <= 3
+    other = {thing.path: thing for thing in _render(path, time_code=0.25, motion_blur=False).things}
+    assert all(abs(np.subtract(other[name].box_all, blurred[name].box_all)).max() > 0.5 for name in blurred)
+
+
+def test_curves_and_points_are_bounded_by_their_outlines(tmp_path: Path) -> None:
+    text = """
+def BasisCurves "hair" {
+    token[] semantics:labels:class = ["hair"]
+    uniform token type = "cubic"
+    uniform token basis = "bspline"
+    int[] curveVertexCounts = [6]
+    point3f[] points = [(-3, -1, -9), (-2.5, 1.5, -9), (-1.5, -1, -8), (-1, 1.5, -9), (0, -1, -9), (1, 2, -10)]
+    float[] widths = [0.4]
+    uniform token primvars:widths:interpolation = "constant"
+}
+def Points "dust" {
+    token[] semantics:labels:class = ["dust"]
+    point3f[] points = [(1.5, -2, -9), (3, -1, -8), (2, 1, -12)]
+    float[] widths = [0.3, 0.5, 0.8]
+}
+"""
+    dust, hair = _render(_write(tmp_path, text), resolution=(1200, 900)).things
+    for thing in (dust, hair):
+        _near(thing.box_all, thing.box_tight, 2.0)
+        assert thing.box_all is not None
+        assert thing.box_tight is not None
+        assert thing.box_all[0] <= thing.box_tight[0] + 0.6
+        assert thing.box_all[3] >= thing.box_tight[3] - 0.6
