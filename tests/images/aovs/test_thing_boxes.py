@@ -532,3 +532,43 @@ def Points "dust" {
         assert thing.box_tight is not None
         assert thing.box_all[0] <= thing.box_tight[0] + 0.6
         assert thing.box_all[3] >= thing.box_tight[3] - 0.6
+
+
+BALLS = """
+def Sphere "ball" {
+    token[] semantics:labels:class = ["ball"]
+    float3 xformOp:rotateXYZ = (10, 40, 20)
+    float3 xformOp:scale = (1, 2, 0.5)
+    uniform token[] xformOpOrder = ["xformOp:rotateXYZ", "xformOp:scale"]
+}
+def Cube "box" {
+    token[] semantics:labels:class = ["box"]
+    double size = 1
+    double3 xformOp:translate = (2, 1, 0)
+    float3 xformOp:rotateXYZ = (10, 40, 20)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
+}
+def Sphere "room" {
+    token[] semantics:labels:class = ["room"]
+    double radius = 300
+}
+"""
+AIM = primray.looking_at((0, 0, 6), (2.5, 0, 0))
+CAMERAS = {
+    "fisheye": primray.Camera.from_intrinsics(
+        [[200, 0, 400], [0, 200, 300], [0, 0, 1]], (800, 600), AIM, (0.01, 0, 0, 0), fisheye=True
+    ),
+    "wide": primray.Camera.from_field_of_view(90.0, (800, 600), AIM),
+    "orthographic": primray.Camera("", AIM, primray.Projection.ORTHOGRAPHIC, (-4.0, 4.0, -3.0, 3.0), (0.1, 1000.0)),
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_ellipsoids_and_rooms_are_bounded_in_any_projection(name: str, tmp_path: Path) -> None:
+    """By pixels: boxes are those of what is seen, to a pixel; the room is around the camera, and partly behind it."""
+    image = _render(_write(tmp_path, BALLS), camera=CAMERAS[name], resolution=(800, 600), allow=["missing"])
+    things = {thing.class_name: thing for thing in image.things}
+    for label in ("ball", "box"):
+        _near(things[label].box_all, things[label].box_tight, 1.0)
+    assert things["room"].box_loose == things["room"].box_tight == (0, 0, 800, 600)
+    assert things["room"].depth.nearest == 0
