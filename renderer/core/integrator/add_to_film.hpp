@@ -26,10 +26,12 @@ inline void leave_out_caustics(Worker& w, int slots, bool clamps) {
       float* const sum = colors[c] + first;
       std::fill_n(sum, slots, 0.0f);
       for (int k = 0; k < classes; ++k) {
-        float* const part = lpe.column(k, c) + first;
         float* const into = lpe.tables.is_left_out(k) ? out : sum;
-        for (int s = 0; s < slots; ++s) into[s] += part[s];
-        if (into == out) std::fill_n(part, slots, 0.0f);
+        for (int s = 0; s < slots; ++s) {
+          float& part = lpe.at(k, c, first + s);
+          into[s] += part;
+          if (into == out) part = 0;
+        }
       }
     }
     // A sample whose caustics are not finite stays invalid, as it would have been with them.
@@ -53,10 +55,7 @@ inline void clamp_indirect(Worker& w, int slots, float most) {
     }
     if (!w.lpe) continue;
     for (int k = 0; k < int(w.lpe->tables.members.size()); ++k)
-      for (int c = 0; c < 3; ++c) {
-        float* const part = w.lpe->column(k, c);
-        part[s] += part[indirect] * factor;
-      }
+      for (int c = 0; c < 3; ++c) w.lpe->at(k, c, s) += w.lpe->at(k, c, indirect) * factor;
   }
 }
 
@@ -81,8 +80,11 @@ inline int drop_invalid(Worker& w, int slot, int count, const Film& film) {
 // what rounding leaves, so that the parts add up to the sample.
 inline void add_lpe_light(LpeStore& lpe, const Worker& w, int slot, int count, size_t p, Film& film) {
   const int classes = int(lpe.tables.members.size());
+  struct Parts {
+    int64_t high, low;
+  };
+  Parts of_class[256];  // as many as are used are set
   std::array<ExactSum, LpeAutomaton::kMostExpressions> terms;
-  std::array<ExactSum, 256> of_class;
   const float* const colors[] = {w.r, w.g, w.b};
   const auto is_valid = [&](int s) { return std::isfinite(w.r[s]) && std::isfinite(w.g[s]) && std::isfinite(w.b[s]); };
   for (int c = 0; c < Film::kColors; ++c) {
@@ -91,7 +93,7 @@ inline void add_lpe_light(LpeStore& lpe, const Worker& w, int slot, int count, s
       if (is_valid(s)) largest = std::max(largest, std::bit_cast<uint32_t>(colors[c][s]) & 0x7fffffffu);
     const int bin = bin_of(std::bit_cast<float>(largest));
     const double scale = unit_of(1 - bin);
-    for (int k = 0; k < classes; ++k) of_class[size_t(k)] = {0, 0, bin};
+    for (int k = 0; k < classes; ++k) of_class[k] = {0, 0};
     for (int s = slot; s < slot + count; ++s) {
       if (!is_valid(s)) continue;
       ExactSum left{0, 0, bin};
@@ -99,22 +101,22 @@ inline void add_lpe_light(LpeStore& lpe, const Worker& w, int slot, int count, s
       int most = 0;
       float most_light = -1;
       for (int k = 0; k < classes; ++k) {
-        const float part = lpe.column(k, c)[s];
+        const float part = lpe.at(k, c, s);
         if (part == 0 || !std::isfinite(part)) continue;
         ExactSum cut{0, 0, bin};
         add_cut(part, scale, cut.high, cut.low);
-        of_class[size_t(k)].high += cut.high, of_class[size_t(k)].low += cut.low;
+        of_class[k].high += cut.high, of_class[k].low += cut.low;
         left.high -= cut.high, left.low -= cut.low;
         if (part > most_light) most = k, most_light = part;
       }
-      of_class[size_t(most)].high += left.high, of_class[size_t(most)].low += left.low;
+      of_class[most].high += left.high, of_class[most].low += left.low;
     }
-    for (int e = 0; e < film.expressions; ++e) {
-      terms[size_t(e)] = {0, 0, bin};
-      for (int k = 0; k < classes; ++k)
-        if (lpe.tables.members[size_t(k)] >> e & 1)
-          terms[size_t(e)].high += of_class[size_t(k)].high, terms[size_t(e)].low += of_class[size_t(k)].low;
-    }
+    for (int e = 0; e < film.expressions; ++e) terms[size_t(e)] = {0, 0, bin};
+    for (int k = 0; k < classes; ++k)
+      for (uint32_t members = lpe.tables.members[size_t(k)]; members; members &= members - 1) {
+        ExactSum& term = terms[size_t(std::countr_zero(members))];
+        term.high += of_class[k].high, term.low += of_class[k].low;
+      }
     film.add_lpe_sums(p, c, terms.data());
   }
 }

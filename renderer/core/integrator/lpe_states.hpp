@@ -51,23 +51,23 @@ struct RecordedLight {
   float diffuse, specular;  // the light's lobe multipliers
 };
 
+// Sums of a sample lie side by side: columns of all slots would be a power of two apart, and fall into the same cache lines.
 struct LpeStore {
   const LpeAutomaton& tables;
-  int slots;
-  std::vector<float> sums;  // indexed by class, channel, slot
+  size_t stride;            // of a slot
+  std::vector<float> sums;  // indexed by slot, class, channel
   std::vector<RecordedLight> recorded;
   ShadowLpeStates shadows, special_shadows;
 
   LpeStore(const LpeAutomaton& t, int most_slots)
-      : tables(t), slots(most_slots), sums(t.members.size() * 3 * size_t(most_slots)) {}
+      : tables(t), stride(t.members.size() * 3), sums(stride * size_t(most_slots)) {}
 
-  float* column(int of_class, int channel) { return sums.data() + (size_t(of_class) * 3 + size_t(channel)) * size_t(slots); }
-  void clear(int first, int used) {
-    for (size_t i = size_t(first); i < sums.size(); i += size_t(slots)) std::fill_n(sums.data() + i, used, 0.0f);
-  }
+  float* row(int slot) { return sums.data() + size_t(slot) * stride; }
+  float& at(int of_class, int channel, int slot) { return row(slot)[3 * of_class + channel]; }
+  void clear(int first, int used) { std::fill_n(row(first), size_t(used) * stride, 0.0f); }
   void weigh(int slot, const float (&weight)[3]) {
     for (int k = 0; k < int(tables.members.size()); ++k)
-      for (int c = 0; c < 3; ++c) column(k, c)[slot] *= weight[c];
+      for (int c = 0; c < 3; ++c) at(k, c, slot) *= weight[c];
   }
   void add(int slot, int channel, const LpeLight& r, float c) {
     if (c == 0) return;
@@ -75,11 +75,11 @@ struct LpeStore {
     const uint8_t by_diffuse = tables.class_at(state_of(r.diffuse, channel), end),
                   by_other = tables.class_at(state_of(r.other, channel), end);
     if (by_diffuse == by_other) {
-      column(by_diffuse, channel)[slot] += c;
+      at(by_diffuse, channel, slot) += c;
       return;
     }
     const float part = c * std::clamp(r.share[channel], 0.0f, 1.0f);
-    column(by_diffuse, channel)[slot] += part, column(by_other, channel)[slot] += c - part;
+    at(by_diffuse, channel, slot) += part, at(by_other, channel, slot) += c - part;
   }
 };
 
