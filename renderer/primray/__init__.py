@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from .incremental.scene import Scene, render_frames
     from .labels.things import Thing
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
+    from .light_mix.mix import LightMix, relight
     from .render.products import Product, render_products
     from .render.stereo import StereoImage, render_stereo
     from .report.profile import profile
@@ -60,6 +61,7 @@ __all__ = [
     "Filter",
     "Ground",
     "Image",
+    "LightMix",
     "LocalProcesses",
     "MachineCheck",
     "Metric",
@@ -88,6 +90,7 @@ __all__ = [
     "looking_at",
     "profile",
     "read_image",
+    "relight",
     "render",
     "render_frames",
     "render_products",
@@ -106,6 +109,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
         "Image": "images.image",
+        "LightMix": "light_mix.mix",
         "LocalProcesses": "distributed.local_processes",
         "MachineCheck": "diagnosis.machine",
         "PixelLog": "diagnosis.pixel_log",
@@ -124,6 +128,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "looking_at": "camera",
         "profile": "report.profile",
         "read_image": "images.reading",
+        "relight": "light_mix.mix",
         "render_frames": "incremental.scene",
         "render_products": "render.products",
         "render_stereo": "render.stereo",

@@ -112,6 +112,7 @@ PRIMVAR = "primvar:"
 LIGHT_PATH = "lpe:"  # before a light path expression
 # Light paths that other renderers have names for; domes are lights, and fire is an object that glows.
 NAMED_LIGHT_PATHS = {"volume": "CV.*", "volume_direct": "CVL", "volume_indirect": "CV[^L].*"}
+LIGHTS = "lights"  # an output for each light or light group; light_mix/parts.py makes expressions of it
 LIGHT_PATH_BYTES = 320  # bytes per pixel of an expression: exact sums and the values made of them
 # Before a taxonomy of semantic labels: sets of labels that are inherited, classes of things, things.
 LABELS, SEMANTIC, THINGS = "labels:", "semantic:", "object_instance:"
@@ -127,7 +128,8 @@ _PRIMVAR_NAME = re.compile(r"[^\s,\x00-\x1f]+")
 class AovRequest:
     """A requested AOV: `name` of its part and channels in a file, a UsdRenderVar's `data_type` ("": the source's own).
 
-    `errors`: standard errors are requested, too, if the source has any.
+    `errors`: standard errors are requested, too, if the source has any; `differences`: and the signed differences of both
+    replicates, for light path expressions. `header`: further attributes of its part in a file.
     """
 
     name: str
@@ -135,6 +137,8 @@ class AovRequest:
     data_type: str = ""
     errors: bool = False
     prefix: str | None = None  # of its channels in a file, instead of the name
+    differences: bool = False
+    header: tuple[tuple[str, str], ...] = ()
 
 
 def check_names(names: Iterable[str]) -> None:
@@ -144,14 +148,14 @@ def check_names(names: Iterable[str]) -> None:
             name in AOVS
             or name in CRYPTOMATTES
             or name in IN_PICTURE
-            or name == DEEP
+            or name in (DEEP, LIGHTS)
             or name in NAMED_LIGHT_PATHS
             or name + ":" in (SEMANTIC, THINGS)
             or _is_named(name)
             or is_light_path(name)
             or occlusion_distance(name) is not None
         ):
-            every = (*AOVS, *NAMED_LIGHT_PATHS, *CRYPTOMATTES, DEEP, *IN_PICTURE)
+            every = (*AOVS, *NAMED_LIGHT_PATHS, LIGHTS, *CRYPTOMATTES, DEEP, *IN_PICTURE)
             known, near = ", ".join(every), did_you_mean(str(name), every)
             sentence = f"there is no AOV {name!r}{f'; {near} There' if near else '; there'} are {known}, "
             sentence += "occlusion:DISTANCE, primvar:NAME, labels:TAXONOMY, semantic:TAXONOMY, "

@@ -90,11 +90,12 @@ std::tuple<OutArray<float, 3>, OutArray<float, 3>> image(const Film& f, double e
   return {to_numpy(std::move(pixels), {h, w, 4}), to_numpy(std::move(errors), {h, w, size_t(Film::kColors)})};
 }
 
-// Returns for each light path expression its means (E, H, W, 3), and their errors as in image().
+// Returns for each light path expression its means (E, H, W, 3), and differences of both replicates (E, H, W, 3), signed, each
+// distributed like the mean's error; NaN where a pixel has samples of one replicate only.
 std::tuple<OutArray<double, 4>, OutArray<float, 4>> lpe_images(const Film& f, double exposure) {
   const size_t n = size_t(f.expressions), values = f.pixels() * Film::kColors;
   std::vector<double> means(n * values);
-  std::vector<float> errors(n * values);
+  std::vector<float> differences(n * values);
   {
     const nb::gil_scoped_release release;
     for (size_t e = 0; e < n; ++e)
@@ -103,13 +104,13 @@ std::tuple<OutArray<double, 4>, OutArray<float, 4>> lpe_images(const Film& f, do
         for (size_t c = 0; c < Film::kColors; ++c) {
           const size_t i = e * values + Film::kColors * p + c;
           means[i] = found.mean[c];
-          errors[i] = found.measured ? float(std::abs(found.difference[c])) : std::numeric_limits<float>::infinity();
+          differences[i] = found.measured ? float(found.difference[c]) : std::numeric_limits<float>::quiet_NaN();
         }
       }
   }
   const size_t h = size_t(f.height), w = size_t(f.width);
   return {to_numpy(std::move(means), {n, h, w, size_t(Film::kColors)}),
-          to_numpy(std::move(errors), {n, h, w, size_t(Film::kColors)})};
+          to_numpy(std::move(differences), {n, h, w, size_t(Film::kColors)})};
 }
 
 // Returns the removed light of rows [first, end): means (rows, W, 3) and differences of both replicates (rows, W, 3), each

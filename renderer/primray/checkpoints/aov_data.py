@@ -226,7 +226,17 @@ def light_paths_of_tables(requests: tuple[AovRequest, ...], tables: LightPathTab
 
 def requests_of_json(value: Any) -> tuple[AovRequest, ...]:
     """Return requests from dictionaries of their fields; KeyError or TypeError if they are not valid."""
-    return tuple(AovRequest(str(r["name"]), str(r["source"]), str(r["data_type"]), bool(r["errors"])) for r in value)
+    return tuple(
+        AovRequest(
+            name=str(r["name"]),
+            source=str(r["source"]),
+            data_type=str(r["data_type"]),
+            errors=bool(r["errors"]),
+            differences=bool(r["differences"]),
+            header=tuple((str(key), str(text)) for key, text in r["header"]),
+        )
+        for r in value
+    )
 
 
 def light_paths_of_json(value: Any) -> LightPaths | None:

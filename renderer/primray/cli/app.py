@@ -31,6 +31,7 @@ from .commands.doctor import doctor
 from .commands.estimate import estimate
 from .commands.inspect import inspect
 from .commands.merge import merge
+from .commands.relight import relight
 from .commands.render import render
 from .commands.sheet import sheet
 from .commands.thumbnail import thumbnail
@@ -235,6 +236,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "thumbnail": thumbnail,
     "dataset": dataset,
     "compare": compare,
+    "relight": relight,
     "ci": ci,
     "doctor": doctor,
 }

@@ -52,9 +52,11 @@ class Film:
         return self._image[1]
 
     def light_path_images(self) -> tuple[npt.NDArray[np.float64], Floats]:
-        """Return R, G, B (E, H, W, 3) of each light path expression, scaled as in `image`, and their standard errors.
+        """Return R, G, B (E, H, W, 3) of each light path expression, scaled as in `image`, and differences of replicates.
 
-        The outputs of expressions that partition the light add up to the picture, up to rounding of doubles.
+        The outputs of expressions that partition the light add up to the picture, up to rounding of doubles. Differences are
+        signed, and each is distributed like its output's error: the error of a weighted sum of outputs is the weighted sum of
+        their differences. NaN where there is no estimate.
         """
         return self._film.lpe_images(self._exposure_scale)
 

@@ -31,28 +31,34 @@ NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
 @dataclass
 class LightGroups:
-    """Light groups by the core's numbers (0: no group), and which of them contain domes and other lights."""
+    """Light groups by the core's numbers (0: no group), and which of them contain domes and other lights.
+
+    `apart`: paths of lights that are groups of their own if they have none.
+    """
 
     names: list[str] = field(default_factory=lambda: [""])
     domes: set[int] = field(default_factory=set)
     others: set[int] = field(default_factory=set)
+    apart: frozenset[str] = frozenset()
 
     def number_of(self, light: Light) -> int:
-        if light.group not in self.names:
-            self.names.append(light.group)
-        number = self.names.index(light.group)
+        group = light.group or (light.path if light.path in self.apart else "")
+        if group not in self.names:
+            self.names.append(group)
+        number = self.names.index(group)
         (self.domes if light.type is LightType.DOME else self.others).add(number)
         return number
 
 
 class LightUpload:
-    """`earlier`: of the domes that the builder keeps, each of which is given to a dome that looks like it."""
+    """`earlier`: of the domes that the builder keeps, each of which is given to a dome that looks like it. `apart`: as in
+    LightGroups."""
 
-    def __init__(self, builder: compiled.SceneBuilder, earlier: Sequence[DomeLook] = ()) -> None:
+    def __init__(self, builder: compiled.SceneBuilder, earlier: Sequence[DomeLook] = (), apart: Iterable[str] = ()) -> None:
         self._builder = builder
         self._earlier = dict(enumerate(earlier))
         self.domes: list[DomeLook] = []  # in the core's order
-        self.groups = LightGroups()
+        self.groups = LightGroups(apart=frozenset(apart))
         self.has_mesh_lights = False  # some lights are shapes (MeshLightAPI)
         self.paths: dict[int, str] = {}  # by the core's row
         self.dome_paths: list[str] = []  # in the core's order

@@ -96,7 +96,7 @@ def upload_scene(
     if kept is not None:
         builder.keep_domes(kept.textures)
     inputs = SurfaceUpload(builder, textures, d.time_code or 0.0)
-    lights = LightUpload(builder, () if kept is None else kept.domes)
+    lights = LightUpload(builder, () if kept is None else kept.domes, d.lights_apart)
     if record is not None:
         record_names(record, description, shapes, inputs)
     builder.reserve_triangles(*points_and_triangles(shapes))

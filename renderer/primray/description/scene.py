@@ -75,6 +75,7 @@ class SceneDescription:
     fog: Fog | None = None
     media: tuple[VolumeMedium, ...] = ()  # volumes of voxels; their extinctions add where they overlap
     volume_emissions: tuple[VolumeEmission, ...] = ()  # light of voxels
+    lights_apart: tuple[str, ...] = ()  # paths of lights that are groups of their own, for the output `lights`
 
     @property
     def volumes(self) -> tuple[VolumeMedium | VolumeEmission, ...]:

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from ..aovs import RGB, UV, AovRequest, Stored, data_type_of, kind_of, occlusion_distance, primvar_of
 
 Values = npt.NDArray[Any]
-STDERR = "stderr"  # layer of a channel's standard errors: NAME.stderr.X
+# Layers of a channel's standard errors, and of the signed differences of both replicates: NAME.stderr.X, NAME.difference.X.
+STDERR, DIFFERENCE = "stderr", "difference"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,7 +29,8 @@ class Aov:
     ['depth', 'prim']
 
     `errors` (H, W, C) are standard errors of values that are means of samples, if requested. Like those of an Image they have
-    one degree of freedom each: average their squares over pixels.
+    one degree of freedom each: average their squares over pixels. `differences` (H, W, C) are signed, of both replicates and
+    distributed like the errors, where they are requested: the error of a weighted sum of outputs is that of their differences.
 
     >>> image = primray.render("shot.usda", aovs=["albedo"], aov_errors=True, resolution=(32, 18), spp=2)
     >>> image.aovs["albedo"].errors.shape
@@ -44,6 +46,7 @@ class Aov:
     metadata: Mapping[str, str] = field(default_factory=dict)  # further attributes of the file's header
     errors: Values | None = None  # float32; None: exact, or not requested
     samples: int | None = None  # samples per pixel of values with their own samples, the same in every render
+    differences: Values | None = None  # float32, NaN where there is no estimate; None: not requested
 
     def __post_init__(self) -> None:
         values = np.ascontiguousarray(self.values)
@@ -51,12 +54,14 @@ class Aov:
             raise ValueError(f"values of shape {values.shape} do not hold the channels {self.channels}")
         values.flags.writeable = False
         object.__setattr__(self, "values", values)
-        if self.errors is not None:
-            errors = np.ascontiguousarray(self.errors, np.float32)
-            if errors.shape != values.shape:
-                raise ValueError(f"errors of shape {errors.shape} do not go with values of shape {values.shape}")
-            errors.flags.writeable = False
-            object.__setattr__(self, "errors", errors)
+        for name in ("errors", "differences"):
+            if getattr(self, name) is None:
+                continue
+            held = np.ascontiguousarray(getattr(self, name), np.float32)
+            if held.shape != values.shape:
+                raise ValueError(f"{name} of shape {held.shape} do not go with values of shape {values.shape}")
+            held.flags.writeable = False
+            object.__setattr__(self, name, held)
 
     def __repr__(self) -> str:
         height, width, _ = self.values.shape
@@ -76,8 +81,16 @@ class Aov:
     @property
     def error_channels(self) -> tuple[str, ...]:
         """Channel names of `errors` in a file: "albedo.stderr.R" for "albedo.R"."""
+        return self._channels_of(STDERR)
+
+    @property
+    def difference_channels(self) -> tuple[str, ...]:
+        """Channel names of `differences` in a file: "lights.key.difference.R" for "lights.key.R"."""
+        return self._channels_of(DIFFERENCE)
+
+    def _channels_of(self, of: str) -> tuple[str, ...]:
         parted = [channel.rpartition(".") for channel in self.channels]
-        return tuple(f"{layer}.{STDERR}.{letter}" if layer else f"{letter}.{STDERR}" for layer, _, letter in parted)
+        return tuple(f"{layer}.{of}.{letter}" if layer else f"{letter}.{of}" for layer, _, letter in parted)
 
 
 def make_aov(

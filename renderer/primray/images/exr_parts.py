@@ -14,7 +14,7 @@ import numpy as np
 from ..aovs import Stored, light_path_of
 from ..errors import SettingsError
 from ..textures.image_errors import last_error
-from .aov import STDERR, Aov, Values
+from .aov import DIFFERENCE, STDERR, Aov, Values
 
 if TYPE_CHECKING:
     import OpenImageIO as oiio
@@ -27,6 +27,7 @@ VIEW = "view"  # header attribute of a stereo pair's parts
 MOST_IDS, MOST_TEXT = 1 << 16, 1 << 22
 CRYPTOMATTE = "cryptomatte/"
 COLORS = ("albedo", "emission", "guide_albedo")  # colour AOVs, besides light path expressions
+LIGHTS_OF_PART = "primray:lights"  # of a part that holds the light of some lights: their prims, as a JSON list
 IDS, SOURCE, MEANING, SAMPLES = "primray:ids", "primray:source", "primray:meaning", "primray:aov_samples"
 
 
@@ -49,6 +50,8 @@ def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> Parts:
         channels, values = aov.channels, np.asarray(aov.values, np.uint32 if aov.stored == "uint" else np.float32)
         if aov.errors is not None:
             channels, values = (*channels, *aov.error_channels), np.concatenate([values, aov.errors], axis=2)
+        if aov.differences is not None:
+            channels, values = (*channels, *aov.difference_channels), np.concatenate([values, aov.differences], axis=2)
         part.nchannels, part.channelnames, part.channelformats = len(channels), channels, ()
         part.set_format(types[aov.stored])
         part.alpha_channel = part.z_channel = -1
@@ -137,12 +140,16 @@ def _aov(spec: Any, values: Values) -> Aov:
     ids = {int(number): path for number, path in json.loads(text).items() if number} if text else {}
     values = values if stored == "uint" else values.astype(np.float32)
     source, meaning = spec.get_string_attribute(SOURCE), spec.get_string_attribute(MEANING)
-    own = {a.name: str(a.value) for a in spec.extra_attribs if a.name.startswith(CRYPTOMATTE)}
+    own = {a.name: str(a.value) for a in spec.extra_attribs if a.name.startswith(CRYPTOMATTE) or a.name == LIGHTS_OF_PART}
     channels = tuple(spec.channelnames)
-    errors, samples = None, spec.get_int_attribute(SAMPLES) or None
-    count = len(channels) // 2
-    if source not in MADE_OF_PICTURE and len(channels) == 2 * count and all(STDERR in c.split(".") for c in channels[count:]):
-        channels, (values, errors) = channels[:count], np.split(values, 2, axis=2)
+    samples = spec.get_int_attribute(SAMPLES) or None
+    held: dict[str, Values] = {}
+    if source not in MADE_OF_PICTURE:
+        for layer in (DIFFERENCE, STDERR):  # in a file they follow the values in the other order
+            count = sum(layer not in channel.split(".") for channel in channels)
+            if 0 < len(channels) - count <= count:
+                held[layer] = values[..., count:]
+                channels, values = channels[:count], values[..., :count]
     return Aov(
         values=values,
         channels=channels,
@@ -151,8 +158,9 @@ def _aov(spec: Any, values: Values) -> Aov:
         stored=stored,
         ids=ids,
         metadata=own,
-        errors=errors,
+        errors=held.get(STDERR),
         samples=samples,
+        differences=held.get(DIFFERENCE),
     )
 
 

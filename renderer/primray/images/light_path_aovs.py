@@ -32,23 +32,32 @@ def light_paths_of(
 
     `expressions` are in the film's order; `members` are bit sets of expressions that some path may match together.
     """
-    means, errors = film.light_path_images()
+    means, differences = film.light_path_images()
     values = rounded(means, film.pixels[..., :3], groups_apart(members, len(expressions)))
     found: dict[str, Aov] = {}
     for request in requests:
         expression = light_path_of(request.source)
         assert expression is not None
         number = expressions.index(expression)
-        found[request.name] = _aov(request, values[number], errors[number] if request.errors else None)
+        found[request.name] = _aov(request, values[number], differences[number])
     return found
 
 
-def _aov(request: AovRequest, values: Floats, errors: Floats | None) -> Aov:
+def _aov(request: AovRequest, values: Floats, differences: Floats) -> Aov:
     meaning = f"light of paths that are {light_path_of(request.source)}"
+    errors = np.where(np.isnan(differences), np.float32(np.inf), np.abs(differences)) if request.errors else None
     if request.data_type:
         return replace(make_aov(request, values, errors=errors), meaning=meaning)
     name = request.name if request.prefix is None else request.prefix
-    return Aov(values, channel_names(name, ("R", "G", "B")), request.source, meaning, errors=errors)
+    return Aov(
+        values,
+        channel_names(name, ("R", "G", "B")),
+        request.source,
+        meaning,
+        metadata=dict(request.header),
+        errors=errors,
+        differences=differences if request.differences else None,
+    )
 
 
 def groups_apart(members: Sequence[int], count: int) -> list[tuple[int, ...]]:

@@ -141,7 +141,7 @@ def _built(
         shape = now.shapes[new.shape]
         if not isinstance(shape, Mesh) or not builder.replace_mesh(row, _placed(shape), matrix(old.matrix), matrix(new.matrix)):
             return None
-    lights = LightUpload(builder, uploaded.domes)
+    lights = LightUpload(builder, uploaded.domes, d.lights_apart)
     lights.add(d.lights, textures)
     if d.fog is not None:
         builder.set_fog(fog_input(d.fog))

@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from .. import process_memory
-from ..aovs import AovRequest, aov_bytes, shows_things, taxonomy_of
+from ..aovs import LIGHTS, AovRequest, aov_bytes, shows_things, taxonomy_of
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError, UnsupportedError, did_you_mean
 from ..process_memory import without_collection
@@ -133,6 +133,7 @@ def _prepare(
     check_memory(description, settings, images, film_copies=int(fingerprinted))
     with costs.stage("build"):
         description = steps.add_missing_light(description, textures, settings, diagnostics)
+    description, file = _with_lights_apart(description, file, diagnostics)
     digests = steps.fingerprint(description, textures) if fingerprinted else {}
     with costs.stage("dice"):
         looked_at = description
@@ -228,6 +229,19 @@ def _labelled_prims(
     return labelled, class_ids(settings, things, diagnostics)
 
 
+def _with_lights_apart(
+    description: SceneDescription, file: PictureFile, diagnostics: Diagnostics
+) -> tuple[SceneDescription, PictureFile]:
+    """Return the description with an output for each light, and the product's file with their parts, if that is asked for."""
+    if all(request.source != LIGHTS for request in description.aovs):
+        return description, file
+    from ..light_mix.parts import with_lights_apart, with_parts
+
+    before = {request.name for request in description.aovs}
+    description = with_lights_apart(description, diagnostics)
+    return description, with_parts(file, [request.name for request in description.aovs if request.name not in before])
+
+
 def _require_something_to_render(diagnostics: Diagnostics, settings: RenderSettings) -> None:
     """Raise UnsupportedError if nothing is drawn because references are missing, instead of rendering an empty picture."""
     missing = [d for d in diagnostics if d.code == "composition-error" and not settings.refusal.allows(d.code)]
@@ -321,7 +335,7 @@ def check_memory(
     removals = (settings.clamp_indirect is not None) + (not settings.caustics)
     of_pixel = {
         "checkpoint": film_copies * FILM_PIXEL_BYTES,
-        "AOVs": aov_bytes(description.aovs),
+        "AOVs": aov_bytes(_with_lights_apart(description, description.file, Diagnostics())[0].aovs),
         "denoising": settings.denoises * DENOISING_PIXEL_BYTES,
         "removed light": removals * REMOVED_PIXEL_BYTES,
     }

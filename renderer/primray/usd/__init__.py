@@ -16,6 +16,7 @@ from .inspect.layer_edits import Edit, edits_between, files_named, made_alone, s
 from .inspect.prim_identity import assets_of, names_in_instances
 from .inspect.scene_facts import stage_facts
 from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
+from .lights.weight_layer import weight_layer
 from .materials.bound_materials import bound_materials
 from .render_settings.outputs import can_share_render, ordered_picture_channels, output_facts, outputs_of, pixel_settings
 from .render_settings.render_product import ProductSettings, RenderVariable
@@ -74,6 +75,7 @@ __all__ = [
     "undrawn_shapes",
     "used_files",
     "used_layer",
+    "weight_layer",
     "world_box",
     "write_usdz",
     "write_with_preview",

@@ -14,7 +14,7 @@ TEXT = (Path(__file__).parents[3] / "docs" / "aovs.md").read_text()
 
 def test_the_table_is_complete() -> None:
     rows = dict(re.findall(r"^\| `([a-z_:A-Z<>]+)` \| (.*? \| .*) \|$", TEXT, re.MULTILINE))
-    assert set(rows) == {*AOVS, *NAMED_LIGHT_PATHS, "primvar:NAME", "C<RD>L"}
+    assert set(rows) == {*AOVS, *NAMED_LIGHT_PATHS, "primvar:NAME", "C<RD>L", "lights"}
     for name, kind in AOVS.items():
         channels, _, names = rows[name].split(" | ")
         first, *more = channel_names(name, kind.channels)

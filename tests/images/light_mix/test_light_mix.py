@@ -1,0 +1,245 @@
+"""Lights weighed after the render: the bits of the picture at weights of 1, what a new render would give, errors that hold."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pxr import Usd
+from tests.images.aovs.seen import stage_of
+from tests.images.aovs.test_light_paths import GLOW, GREY, PLASTIC, lamp, plane
+
+from primray import Image, LightMix, Scene, compare, read_image, relight, render
+from primray.checkpoints.checkpointing import Checkpointing
+from primray.checkpoints.merge import merge
+from primray.cli import run
+from primray.errors import SettingsError
+from primray.light_mix.fit import fit
+from primray.settings import RenderSettings
+
+SIZE = (24, 18)
+KEY, FILL = (lamp(name, place=place) for name, place in (("key", "(-3, 2, 3)"), ("fill", "(3, -1, 4)")))
+SKY = 'def DomeLight "sky"\n{\n    float inputs:intensity = 0.25\n}\n'
+ROOM = (
+    GREY + PLASTIC + GLOW + plane("floor", 0, 20, "grey") + plane("screen", 1.2, 0.3, "glow")
+    + 'def Sphere "ball" (prepend apiSchemas = ["MaterialBindingAPI"])\n{\n    rel material:binding = </plastic>\n}\n'
+)  # fmt: skip
+
+
+def settings(**more: Any) -> RenderSettings:
+    return replace(RenderSettings(resolution=SIZE, spp=16, seed=3, threads=1, aovs=("lights",)), **more)
+
+
+def picture(text: str = ROOM + KEY + FILL, light: str = SKY, **more: Any) -> Image:
+    return render(stage_of(text, light=light), settings(**more), progress=False)
+
+
+def errors_of(image: Image) -> Any:
+    assert image.errors is not None
+    return image.errors.astype(np.float64)
+
+
+def lit(key: float, fill: float, sky: tuple[float, float, float]) -> str:
+    """Return the room with lamps of these factors."""
+    lamps = [
+        text.replace("inputs:intensity = 20", f"inputs:intensity = {20 * factor}")
+        for text, factor in ((KEY, key), (FILL, fill))
+    ]
+    return (
+        ROOM
+        + "".join(lamps)
+        + SKY.replace("inputs:intensity = 0.25", f"inputs:intensity = 0.25\n    color3f inputs:color = {sky}")
+    )
+
+
+def test_lights_have_parts_by_name_that_add_up_to_the_picture_to_the_bit() -> None:
+    image = picture()
+    mix = LightMix.of(image)
+    assert mix.names == ("key", "fill", "sky", "rest")
+    assert [part.paths for part in mix.parts] == [("/key",), ("/fill",), ("/sky",), ()]
+    assert all(part.light.max() > 0.01 for part in mix.parts)
+    same = mix.mixed({})
+    assert np.array_equal(same.pixels, image.pixels)
+    assert np.allclose(errors_of(same), errors_of(image), rtol=1e-4, atol=1e-6)
+    assert not mix.keeps_light
+    assert np.array_equal(picture(aovs=()).pixels, image.pixels)
+
+
+def test_a_mix_is_what_a_new_render_would_be_within_errors() -> None:
+    weights: dict[str, Any] = {"key": 0.25, "fill": 3.0, "sky": (2.0, 1.0, 0.5)}
+    mixed = relight(picture(spp=256), weights)
+    again = render(stage_of(lit(0.25, 3, (2, 1, 0.5)), light=""), settings(spp=256, seed=9), progress=False)
+    assert np.array_equal(mixed.pixels[..., 3], again.pixels[..., 3]) or np.allclose(
+        mixed.pixels[..., 3], again.pixels[..., 3], atol=0.1
+    )
+    found = compare(mixed, again, tolerance=0.1)
+    assert found.verdict.value == "unchanged"
+    assert compare(picture(spp=256), again, tolerance=0.1).verdict.value == "changed"
+
+
+def test_errors_of_mixes_hold() -> None:
+    """Of 40 pictures, the mean squared error of a mix is the mean of its squared errors, covariances of lights included."""
+    weights = {"key": 0.5, "fill": 2.0, "sky": 4.0, "rest": 0.0}
+    made = [relight(picture(seed=seed, spp=8), weights) for seed in range(40)]
+    pixels = np.stack([image.pixels[..., :3] for image in made]).astype(np.float64)
+    told = np.mean([errors_of(image) ** 2 for image in made], axis=0)
+    seen = pixels.var(axis=0, ddof=1)
+    lit_pixels = seen > 1e-12
+    assert told[lit_pixels].sum() / seen[lit_pixels].sum() == pytest.approx(1, abs=0.12)
+    # Of t with one degree of freedom, 95 % are within 12.7 errors, 50 % within 1.
+    truth = pixels.mean(axis=0)
+    errors = np.stack([errors_of(image) for image in made])
+    within = np.abs(pixels - truth)[:, lit_pixels] <= errors[:, lit_pixels]
+    assert 0.45 <= within.mean() <= 0.55
+
+
+def test_parts_are_the_same_for_all_threads_lanes_and_merges(tmp_path: Path) -> None:
+    stage = stage_of(ROOM + KEY + FILL)
+    whole = render(stage, settings(spp=32, threads=2), progress=False)
+    files = []
+    for number, sample_range in enumerate(((0, 16), (16, 32))):
+        file = tmp_path / f"{number}.prc"
+        part = settings(spp=None, sample_range=sample_range)
+        render(stage, part, progress=False, checkpointing=Checkpointing(file))
+        files.append(file)
+    merged = merge(files).image
+    assert LightMix.of(merged).names == LightMix.of(whole).names
+    for name, aov in whole.aovs.items():
+        assert np.array_equal(merged.aovs[name].values, aov.values)
+        held = merged.aovs[name].differences
+        assert held is not None
+        assert aov.differences is not None
+        assert np.array_equal(held, aov.differences)
+    weights = {"key": 0.3, "sky": 2.0}
+    assert np.array_equal(relight(merged, weights).pixels, relight(whole, weights).pixels)
+    assert np.array_equal(errors_of(relight(merged, weights)), errors_of(relight(whole, weights)))
+
+
+def test_files_hold_parts_and_their_lights(tmp_path: Path) -> None:
+    image = picture()
+    image.save(tmp_path / "room.exr")
+    again = LightMix.of(tmp_path / "room.exr")
+    for part, other in zip(LightMix.of(image).parts, again.parts, strict=True):
+        assert part.name == other.name
+        assert part.paths == other.paths
+        assert np.array_equal(part.light, other.light)
+        assert np.array_equal(part.difference, other.difference)
+    mixed = again.mixed({"key": 0.5})
+    mixed.save(tmp_path / "mix.exr")
+    assert np.array_equal(read_image(tmp_path / "mix.exr").pixels, mixed.pixels)
+    assert read_image(tmp_path / "mix.exr").metadata["relight.key"] == "0.5 0.5 0.5"
+
+
+def test_groups_are_one_part_and_lights_of_one_name_are_told_apart() -> None:
+    grouped = lamp("a", more='    string karma:light:lpetag = "warm"\n') + lamp(
+        "b", more='    string karma:light:lpetag = "warm"\n'
+    )
+    nested = "".join(f'def Xform "{name}"\n{{\n{lamp("bulb")}\n}}\n' for name in ("left", "right"))
+    mix = LightMix.of(picture(ROOM + grouped + nested))
+    assert mix.names == ("warm", "left_bulb", "right_bulb", "sky", "rest")
+    assert mix.parts[0].paths == ("/a", "/b")
+
+
+def test_more_lights_than_outputs_are_told_and_in_the_rest() -> None:
+    lamps = "".join(lamp(f"lamp{k}", place=f"({k % 6 - 3}, {k // 6 - 3}, 5)") for k in range(36))
+    image = picture(ROOM + lamps)
+    mix = LightMix.of(image)
+    assert len(mix.parts) == 32
+    assert mix.share_of(mix.parts[-1]) > 0
+    assert np.array_equal(mix.mixed({}).pixels, image.pixels)
+    [told] = [d for d in image.report["diagnostics"] if d["code"] == "light-parts"]
+    assert "lights.rest" in told["message"]
+
+
+def test_a_light_that_emits_nothing_is_told() -> None:
+    image = picture(ROOM + KEY + lamp("off").replace("inputs:intensity = 20", "inputs:intensity = 0"))
+    assert "off" not in LightMix.of(image).names
+    assert [d["prim_path"] for d in image.report["diagnostics"] if d["code"] == "light-parts"] == ["/off"]
+
+
+def test_a_kept_scene_has_parts_after_edits() -> None:
+    stage = stage_of(ROOM + KEY + FILL)
+    scene = Scene(stage)
+    scene.render(settings(), progress=False)
+    stage.GetPrimAtPath("/fill").GetAttribute("inputs:intensity").Set(5.0)
+    kept = scene.render(settings(), progress=False)
+    fresh = render(stage, settings(), progress=False)
+    for name, aov in fresh.aovs.items():
+        assert np.array_equal(kept.aovs[name].values, aov.values)
+
+
+def test_a_fit_finds_the_weights_of_the_reference() -> None:
+    mix = LightMix.of(picture(spp=64))
+    wanted = {"key": 0.4, "fill": 2.0, "sky": 1.5}
+    reference = render(stage_of(lit(0.4, 2, (1.5, 1.5, 1.5)), light=""), settings(spp=256, seed=8), progress=False)
+    found = fit(mix, reference)
+    for name, weight in wanted.items():
+        [value], [low], [high] = found.weights[name].value, found.weights[name].low, found.weights[name].high
+        assert value == pytest.approx(weight, rel=0.05)
+        assert low - 0.03 <= weight <= high + 0.03
+    assert found.residual < 0.2
+
+
+def test_a_fit_is_not_biased_by_the_noise_of_the_parts() -> None:
+    """Plain least squares shrinks weights of noisy parts: the mean of many fits must not."""
+    reference = relight(picture(spp=1024, seed=99), {"key": 2.0, "sky": 0.7, "fill": 1.3})
+    found = [fit(LightMix.of(picture(spp=2, seed=seed)), reference).weights["key"].value[0] for seed in range(24)]
+    assert np.mean(found) == pytest.approx(2, abs=4 * np.std(found, ddof=1) / len(found) ** 0.5 + 0.02)
+
+
+def test_unknown_lights_and_pictures_without_parts_are_errors() -> None:
+    mix = LightMix.of(picture())
+    for weights, code in (
+        ({"keys": 1.0}, "lights-unknown"),
+        ({"key": -1.0}, "lights-weight"),
+        ({"key": (1.0, 2.0)}, "lights-weight"),
+    ):
+        with pytest.raises(SettingsError) as caught:
+            mix.mixed(weights)
+        assert caught.value.code == code
+    with pytest.raises(SettingsError) as caught:
+        LightMix.of(picture(aovs=()))
+    assert caught.value.code == "lights-missing"
+
+
+def test_the_command_writes_pictures_a_report_and_a_layer_that_renders_the_mix(tmp_path: Path, capsys: Any) -> None:
+    stage = tmp_path / "room.usda"
+    held = stage_of(ROOM + KEY + FILL)
+    held.GetRootLayer().Export(str(stage))
+    exr, mixed, layer = tmp_path / "room.exr", tmp_path / "mix.exr", tmp_path / "mix.usda"
+    common = ["--res", "24", "18", "--spp", "256"]
+    assert run(["render", str(stage), *common, "--aov", "lights", "-o", str(exr)]) == 0
+    capsys.readouterr()
+    asked = ["-l", "key=0.5", "-l", "sky=1,0.5,0.25", "--stops", "fill=+1"]
+    outputs = ["-o", str(mixed), "--layer", str(layer), "--stage", str(stage), "--report", str(tmp_path / "mix.json")]
+    assert run(["relight", str(exr), *asked, *outputs]) == 0
+    assert "key" in capsys.readouterr().out
+    report = json.loads((tmp_path / "mix.json").read_text())
+    assert {row["name"]: row["weight"] for row in report["lights"]}["fill"] == [2, 2, 2]
+    over = Usd.Stage.Open(str(layer))
+    assert over.GetPrimAtPath("/key").GetAttribute("inputs:intensity").Get() == 10
+    top = tmp_path / "top.usda"
+    top.write_text(f"#usda 1.0\n(\n    subLayers = [@{layer}@, @{stage}@]\n)\n")
+    assert run(["render", str(top), *common, "--seed", "4", "-o", str(tmp_path / "again.exr")]) == 0
+    assert compare(mixed, tmp_path / "again.exr", tolerance=0.1).verdict.value == "unchanged"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["-l", "key"], "NAME=0.5"),
+        (["--stops", "key=1,2,3"], "NAME=+1"),
+        (["--only", "sun"], "no light"),
+        (["--layer", "x.usda"], "--stage"),
+        (["-o", "room.exr"], "overwrite"),
+    ],
+)
+def test_bad_arguments_are_errors(tmp_path: Path, capsys: Any, monkeypatch: Any, arguments: list[str], said: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    picture(spp=2).save("room.exr")
+    assert run(["relight", "room.exr", *arguments]) == 2
+    assert said in capsys.readouterr().err
