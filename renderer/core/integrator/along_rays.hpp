@@ -48,23 +48,24 @@ PRIMRAY_RARE MediaExtent<W> extent_of_volumes(const VolumeTable& volumes, vbool<
   return all;
 }
 
-// Adds the extent of volumes without grids and of fog, on rays of lanes `m` from their origin to `end`.
+// Adds the extent of volumes without grids and of fog, on rays of lanes `m` from `begin` to `end`. A ray that has passed a
+// volume's boundary keeps its origin, and what is before the boundary is not in the volume.
 template <int W>
-PRIMRAY_RARE void add_media(vbool<W> m, const RayMedium<W>& medium, vfloat<W> end, MediaExtent<W>& all) {
+PRIMRAY_RARE void add_media(vbool<W> m, const RayMedium<W>& medium, vfloat<W> begin, vfloat<W> end, MediaExtent<W>& all) {
   using F = vfloat<W>;
   const vvec3<W>& e = medium.extinction;
   F mean = select(max_component(medium.scattering) > F(0.0f), (e.x + e.y + e.z) * (1.0f / 3), F(0.0f));
   if (medium.any_fog) {
     // Of endless fog the part counts that light crosses.
-    const F most = min(end, 4.0f / max(F(medium.fog.extinction), 1e-30f));
+    const F most = min(end - begin, 4.0f / max(F(medium.fog.extinction), 1e-30f));
     mean += select(medium.fog.lanes, medium.fog.extinction * medium.fog.length(most) / max(most, 1e-30f), F(0.0f));
   }
   m &= mean > F(0.0f);
   if (!any(m)) return;
   const F others = all.extinction * max(all.to - all.from, 0.0f);
   const vbool<W> finite = end < F(kInfinity);
-  all.from = select(m, F(0.0f), all.from), all.to = select(m, max(all.to, end), all.to);
-  all.extinction = select(m, mean + select(finite, others / max(all.to, 1e-30f), F(0.0f)), all.extinction);
+  all.from = select(m, begin, all.from), all.to = select(m, max(all.to, end), all.to);
+  all.extinction = select(m, mean + select(finite, others / max(all.to - begin, 1e-30f), F(0.0f)), all.extinction);
 }
 
 // Medium at points: one of those that overlap there, with what it scatters by the probability of its choice.
@@ -155,7 +156,7 @@ PRIMRAY_RARE bool choose_along_rays(Round& round) {
     if (round.follows_media()) {
       const MediumState<W> own = round.worker.medium_states->pool->template at<W>(at);
       active &= is_lit(scene, own);
-      add_media(active, medium_at(round, at, own), end, extent);
+      add_media(active, medium_at(round, at, own), max(-own.origin_distance, 0.0f), end, extent);
     }
     const Segment<W> segment{p.ray.o, p.ray.d, extent.from, extent.to};
     const LightAlong<W> light(scene.lights.pivots, segment, state.sums.data());

@@ -13,8 +13,10 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kWidestTangent = 1e4;  // no point of the film is farther from the axis
 constexpr int kScan = 4096;             // steps of the search for where models turn back
 constexpr int kIterations = 64;
-constexpr int kAround = 16;    // directions in half a turn
-constexpr double kBeyond = 4;  // texels by which a table is extended over its edges, for pixel filters
+constexpr int kAround = 16;  // directions in half a turn
+// A table is extended over its edges for pixel filters: by texels, and by a share of its size where its texels are finer than
+// pixels.
+constexpr double kBeyond = 4, kBeyondShare = 1.0 / 32;
 
 struct SinCos1 {
   double sin, cos;
@@ -201,8 +203,8 @@ std::optional<dvec3> Distortion::undistorted(double x, double y) const {
 
 std::optional<dvec3> DirectionTable::at(double x, double y) const {
   const double column = (x - left) / (right - left) * columns - 0.5, row = (top - y) / (top - bottom) * rows - 0.5;
-  if (!(column >= -kBeyond && row >= -kBeyond && column <= columns - 1 + kBeyond && row <= rows - 1 + kBeyond))
-    return std::nullopt;
+  const double beside = std::max(kBeyond, columns * kBeyondShare), above = std::max(kBeyond, rows * kBeyondShare);
+  if (!(column >= -beside && row >= -above && column <= columns - 1 + beside && row <= rows - 1 + above)) return std::nullopt;
   const int i = std::clamp(int(std::floor(column)), 0, std::max(columns - 2, 0));
   const int j = std::clamp(int(std::floor(row)), 0, std::max(rows - 2, 0));
   const double s = column - i, t = row - j;

@@ -123,6 +123,28 @@ def test_light_from_a_point_in_the_air() -> None:
     np.testing.assert_allclose(found[:3], expected, rtol=1e-2)
 
 
+@pytest.mark.parametrize("camera_height", [0.7, 3.0, 40.0])
+def test_light_that_a_lamp_beside_a_volume_sends_into_it(camera_height: float) -> None:
+    """Single scattering by quadrature: nothing scatters between the camera and the volume, however far off that is."""
+    half, s, albedo = 0.6, 0.1, 0.8
+    lamp = np.array([0.0, -2.0, 3.0])
+    z, w = np.polynomial.legendre.leggauss(200)
+    z, w = z * half, w * half
+    to = lamp - np.stack([np.zeros_like(z), np.zeros_like(z), z], axis=1)
+    r = np.linalg.norm(to, axis=1)
+    towards = to / r[:, None]
+    leaves = np.minimum(half / -towards[:, 1], (half - z) / towards[:, 2])  # by the face at -y, or by the upper one
+    lit = (w * albedo * s / (4 * math.pi) / r**2 * np.exp(-s * (leaves + half - z))).sum()
+    cube = (box((2 * half, 2 * half, 2 * half)), HERE)
+    above = orthographic(translation(0, 0, camera_height), 1e-4)
+    above = replace(above, clipping_range=(1e-3, 1e3))
+    found = mean([cube], [volume(s, albedo)], [light(LightType.POINT, translation(*lamp), 1.0)], above, spp=1024, max_depth=1)
+    plate = quad([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], 0)
+    facing = mean([(plate, HERE)], [lambert(1.0)], [light(LightType.POINT, translation(0, 0, 1), 1.0)],
+                  orthographic(translation(0.0, 0, 9), 1e-4), spp=64)  # fmt: skip
+    np.testing.assert_allclose(found[:3], float(facing[0]) * math.pi * lit, rtol=5e-3)
+
+
 INSIDE = orthographic(translation(0, 0, 0.3), 0.1)
 ON_FACE = orthographic(translation(0, 0, 1.0), 0.1)
 TWO: list[tuple[Shape, Doubles]] = [SLAB, (box((2, 2, 8), 1), HERE)]
