@@ -68,8 +68,8 @@ def _write_directions(camera: UsdGeom.Camera, data: Any, scene: Any, folder: Pat
     at = data if hasattr(data, "panorama_type") else data.cycles
     width = max(scene.render.resolution_x * scene.render.resolution_percentage // 100, 1)
     height = max(scene.render.resolution_y * scene.render.resolution_percentage // 100, 1)
-    # Finer than pixels: at the edge of a fisheye's circle the table is interpolated with what sees nothing.
-    finer = 1 if at.panorama_type == "EQUIRECTANGULAR" else max(1, -(-TABLE // max(width, height)))
+    # Finer than pixels, as a table is interpolated: at the edge of a fisheye's circle with what sees nothing.
+    finer = max(1, -(-TABLE // max(width, height)))
     width, height = width * finer, height * finer
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)  # v upwards, as Blender's images
     directions = _directions(at, u, v, data, width, height)

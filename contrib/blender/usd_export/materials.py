@@ -50,7 +50,8 @@ def rewrite_materials(note: Note) -> None:
         if output.inputs["Displacement"].is_linked:
             note("displacement", material.name, "displacement is not exported")
         for node in material.node_tree.nodes:
-            if node.type in INEXACT and any(socket.is_linked for socket in node.outputs):
+            # Nodes of volumes are read by volumes.py.
+            if output.inputs["Surface"].is_linked and node.type in INEXACT and any(socket.is_linked for socket in node.outputs):
                 note("node", material.name, INEXACT[node.type])
 
 

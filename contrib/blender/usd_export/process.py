@@ -19,7 +19,7 @@ bpy.utils.expose_bundled_modules()
 
 from pxr import Usd, UsdGeom  # noqa: E402 - Blender's own USD, which has to be exposed first
 
-from . import camera, geometry, lights, materials, reuse, world  # noqa: E402
+from . import camera, geometry, lights, materials, reuse, volumes, world  # noqa: E402
 
 MARK = "primray: "
 WANTED = {
@@ -138,6 +138,7 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
     counts = reuse.export(scene, request["layer"], exported, shapes, found, names, _write_shapes)
     layer.GetRootLayer().subLayerPaths.append(f"./{exported.name}")
     geometry.write_instances(layer, scope, geometry.prims_by_object(layer), names)
+    volumes.write_volumes(layer, scope, scene, geometry.prims_by_object(layer), note)
     geometry.group_glowing_meshes(layer, geometry.prims_by_object(layer))
     geometry.repair_hair(layer, layer, systems, note)
     materials.repair_networks(layer)

@@ -16,6 +16,7 @@ from mathutils import Euler, Matrix
 from pxr import Gf, Usd, UsdGeom, UsdLux
 
 from .lights import light_group
+from .volumes import fog_of, medium_of, write_fog
 
 Note = Callable[[str, str, str], None]
 BAKED_WIDTH, BAKED_SAMPLES = 1024, 16
@@ -47,8 +48,10 @@ def write_world(stage: Usd.Stage, path: str, scene: Any, folder: Path, note: Not
             note("world-baked", world.name, f"the world's nodes are rendered into an image {BAKED_WIDTH} pixels wide")
         dome.CreateTextureFileAttr(f"./{Path(file).name}" if Path(file).parent == folder else file)
         dome.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
-    if world is not None and _surface(world, "Volume") is not None:
-        note("world-volume", world.name, "the world's volume is not rendered")
+    medium = medium_of(world.node_tree, "OUTPUT_WORLD", world.name, note) if world is not None else None
+    fog = fog_of(medium, world.name, note) if medium is not None else None
+    if fog is not None:
+        write_fog(stage, fog)
     dome.CreateColorAttr(Gf.Vec3f(*color))
     dome.CreateIntensityAttr(intensity)
     UsdGeom.Xformable(dome).AddTransformOp().Set(Gf.Matrix4d([list(row) for row in matrix.transposed()]))

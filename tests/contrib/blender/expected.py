@@ -44,8 +44,8 @@ EXPECTED: dict[str, dict[str, Expected]] = {
         "portrait": Expected(),
         "orthographic": Expected(),
         "equirectangular": Expected(),
-        "fisheye": Expected(tolerance=0.01, each=0.02),
-        "equisolid": Expected(tolerance=0.01, each=0.02),
+        "fisheye": Expected(),
+        "equisolid": Expected(),
     },
     "surfaces": {
         "default": Expected(),
@@ -68,5 +68,15 @@ EXPECTED: dict[str, dict[str, Expected]] = {
     },
     "instances": {"geometry nodes": Expected(each=0.02), "collections": Expected()},
     "curves": {"a curve with a bevel": Expected(), "a curve without one": Expected()},
+    "volumes": {
+        "smoke": Expected(each=0.03),
+        "smoke, scaled": Expected(each=0.03),
+        "absorption colour": Expected(each=0.03),
+        "Volume Scatter by an attribute": Expected(each=0.04),
+        "fire": Expected(each=0.02),
+        "a mesh that absorbs": Expected(),
+        "a mesh that scatters": Expected(each=0.02),
+        "the world's": Expected(0.003, 0.01, 0.08, notes=("endless-fog", "out-of-range")),
+    },
     "hair": {"hair of particles": Expected(-0.09, 0.03, 0.2)},
 }

@@ -49,7 +49,7 @@ def empty(size=32, samples=64):
     scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 4 * samples, False, False
     scene.cycles.sample_clamp_indirect, scene.cycles.blur_glossy = 0, 0
     scene.cycles.max_bounces = scene.cycles.diffuse_bounces = scene.cycles.glossy_bounces = 16
-    scene.cycles.transmission_bounces = scene.cycles.transparent_max_bounces = 16
+    scene.cycles.volume_bounces = scene.cycles.transmission_bounces = scene.cycles.transparent_max_bounces = 16
     scene.render.threads_mode, scene.render.threads = "FIXED", 2
     scene.world = bpy.data.worlds.new("World")
     world((0, 0, 0))
@@ -394,6 +394,103 @@ def multilayer(file, engine):
         image.media_type = "MULTI_LAYER_IMAGE"
     image.file_format = "OPEN_EXR_MULTILAYER"
     return render(engine, file)
+
+
+def smoke_file(folder):
+    """A ball of smoke that is hot in its middle, two units wide."""
+    import numpy as np
+
+    bpy.utils.expose_bundled_modules()
+    import openvdb
+
+    z, y, x = np.mgrid[:32, :32, :32] - 15.5
+    ball = np.clip(1 - np.sqrt(x * x + y * y + z * z) / 16, 0, 1).astype(np.float32)
+    grids = []
+    for name, values in (("density", ball), ("temperature", 2500 * ball)):
+        grid = openvdb.FloatGrid()
+        grid.copyFromArray(values)
+        grid.name, grid.gridClass = name, openvdb.GridClass.FOG_VOLUME
+        place = openvdb.createLinearTransform(voxelSize=1 / 16)
+        place.postTranslate((-1 + 1 / 32, -1 + 1 / 32, -1 + 1 / 32))
+        grid.transform = place
+        grids.append(grid)
+    file = f"{folder}/smoke.vdb"
+    openvdb.write(file, grids=grids)
+    return file
+
+
+def smoke(asked, look, location=(0, 0, 0), **values):
+    data = bpy.data.volumes.new("smoke")
+    data.filepath = smoke_file(asked["folder"])
+    data.materials.append(look)
+    return add("smoke", data, location, **values)
+
+
+def volume(kind, **values):
+    """A material with a volume alone."""
+    found = shader(kind, **values)
+    tree = found.node_tree
+    tree.links.new(tree.links[0].from_socket, tree.nodes["Material Output"].inputs["Volume"])
+    tree.links.remove(next(link for link in tree.links if link.to_socket.name == "Surface"))
+    return found
+
+
+def by_attribute():
+    """A Volume Scatter whose density is the grid's, times 6."""
+    found = volume("ShaderNodeVolumeScatter", Color=(0.9, 0.7, 0.5, 1), Anisotropy=0.4)
+    tree = found.node_tree
+    grid, times = tree.nodes.new("ShaderNodeAttribute"), tree.nodes.new("ShaderNodeMath")
+    grid.attribute_name, times.operation = "density", "MULTIPLY"
+    times.inputs[1].default_value = 6.0
+    tree.links.new(grid.outputs["Fac"], times.inputs[0])
+    tree.links.new(times.outputs[0], next(n for n in tree.nodes if n.type == "VOLUME_SCATTER").inputs["Density"])
+    return found
+
+
+def box(look):
+    bpy.ops.mesh.primitive_cube_add(size=1.2, rotation=(0.2, 0.3, 0.4))
+    bpy.context.object.data.materials.append(look)
+
+
+def foggy(kind, **values):
+    tree = tree_of(bpy.context.scene.world)
+    node = tree.nodes.new(kind)
+    for socket, value in values.items():
+        node.inputs[socket.replace("_", " ")].default_value = value
+    tree.links.new(node.outputs[0], tree.nodes["World Output"].inputs["Volume"])
+    world((0, 0, 0))
+    ball(matte())
+
+
+PRINCIPLED_VOLUME = "ShaderNodeVolumePrincipled"
+VOLUMES = {
+    "smoke": lambda asked: smoke(asked, volume(PRINCIPLED_VOLUME, Color=(0.7, 0.5, 0.4, 1), Density=4.0, Anisotropy=0.3)),
+    "smoke, scaled": lambda asked: smoke(
+        asked,
+        volume(PRINCIPLED_VOLUME, Density=4.0),
+        (0.2, 0, 0),
+        rotation=(0, 0, 0.6),
+        scale=(1.5, 1.0, 1.0),
+    ),
+    "absorption colour": lambda asked: smoke(
+        asked, volume(PRINCIPLED_VOLUME, Density=4.0, Absorption_Color=(0.8, 0.3, 0.1, 1))
+    ),
+    "Volume Scatter by an attribute": lambda asked: smoke(asked, by_attribute()),
+    "fire": lambda asked: smoke(asked, volume(PRINCIPLED_VOLUME, Density=1.0, Blackbody_Intensity=0.5, Temperature=1.0)),
+    "a mesh that absorbs": lambda asked: box(volume("ShaderNodeVolumeAbsorption", Color=(0.2, 0.5, 0.8, 1), Density=1.5)),
+    "a mesh that scatters": lambda asked: box(volume(PRINCIPLED_VOLUME, Color=(0.8, 0.8, 0.8, 1), Density=1.5)),
+    "the world's": lambda asked: foggy("ShaderNodeVolumeScatter", Color=(0.9, 0.9, 0.9, 1), Density=0.1),
+}
+
+
+def volumes(asked):
+    for name, make in VOLUMES.items():
+        if asked.get("only") not in (None, name):
+            continue
+        empty(24, samples=128)
+        studio()
+        make(asked)
+        both(name, asked["folder"])
 
 
 def masks(asked):
