@@ -143,7 +143,7 @@ class PrimrayEngine(bpy.types.RenderEngine):  # type: ignore[misc]
             stage=exported["stage"], pixels=str(pixels), seed=asked.seed,
             passes=[found.as_request() for found in passes(scene, depsgraph.view_layer_eval)],
             threads=scene.render.threads if scene.render.threads_mode == "FIXED" else None, every_s=asked.every_s,
-            transparent=exported["transparent"], layer=layer, names=exported["names"],
+            transparent=exported["transparent"], layer=layer, names=exported["names"], time_code=exported["time_code"],
         )  # fmt: skip
         self._show(process, pixels, layer, exported)
 

@@ -103,7 +103,7 @@ def _render(request: dict[str, Any], stopping: threading.Event) -> None:
     def take(image: Any) -> None:
         say(picture=pixels.put({"Combined": _combined(image.pixels, opaque)}))
 
-    values = {name: request[name] for name in ("seed", "threads") if request.get(name) is not None}
+    values = {name: request[name] for name in ("seed", "threads", "time_code") if request.get(name) is not None}
     wanted = request.get("passes", [])
     aovs = list({_aov(asked["source"]) for asked in wanted} - {""})
     if any(asked["source"] == "denoised" for asked in wanted):

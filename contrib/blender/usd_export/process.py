@@ -8,6 +8,7 @@ scene, its view layer, frame and the folder to write into; the answer has the st
 from __future__ import annotations
 
 import json
+import math
 import sys
 import traceback
 from pathlib import Path
@@ -19,7 +20,7 @@ bpy.utils.expose_bundled_modules()
 
 from pxr import Usd, UsdGeom  # noqa: E402 - Blender's own USD, which has to be exposed first
 
-from . import camera, geometry, lights, materials, reuse, volumes, world  # noqa: E402
+from . import camera, geometry, lights, materials, motion, reuse, volumes, world  # noqa: E402
 
 MARK = "primray: "
 WANTED = {
@@ -83,7 +84,16 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
     scene = bpy.data.scenes[request["scene"]]
     if bpy.context.window is not None:
         bpy.context.window.scene = scene
-    scene.frame_set(request["frame"], subframe=request.get("subframe", 0.0))
+    shutter = motion.shutter_of(scene) if request.get("needs_camera", True) and not request.get("instant") else None
+    frame = request["frame"] + request.get("subframe", 0.0)
+    others = _instants(request, frame, shutter) if shutter else []
+    if others:
+        bpy.ops.wm.open_mainfile(filepath=request["blend"], load_ui=False)
+        scene = bpy.data.scenes[request["scene"]]
+        if bpy.context.window is not None:
+            bpy.context.window.scene = scene
+    still = {obj.name for obj in scene.objects if not getattr(getattr(obj, "cycles", None), "use_motion_blur", True)}
+    scene.frame_set(math.floor(frame), subframe=frame - math.floor(frame))
     notes: list[dict[str, str]] = []
 
     def note(code: str, name: str, message: str) -> None:
@@ -122,7 +132,8 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
         scene.collection.objects.link(scene.camera)
     bpy.ops.render.render(scene=scene.name, layer=request["layer"])
     systems = _hair(scene)
-    world.write_world(layer, f"{scope}/world", scene, folder, note)
+    if not request.get("instant"):
+        world.write_world(layer, f"{scope}/world", scene, folder, note)
     names = geometry.prepare_scene(scene, found)
     geometry.repair_slots()
     materials.rewrite_materials(note)
@@ -143,11 +154,30 @@ def _export(request: dict[str, Any]) -> dict[str, Any]:
     geometry.repair_hair(layer, layer, systems, note)
     materials.repair_networks(layer)
     camera.write_settings(layer, scene, f"{scope}/camera", request.get("settings", {}))
+    if shutter:
+        motion.merge(layer, frame, others, still, note)
+        lens = UsdGeom.Camera(layer.GetPrimAtPath(f"{scope}/camera"))
+        lens.CreateShutterOpenAttr(shutter[0])
+        lens.CreateShutterCloseAttr(shutter[1])
+        layer.SetStartTimeCode(frame)
+        layer.SetEndTimeCode(frame)
+        layer.SetTimeCodesPerSecond(scene.render.fps / scene.render.fps_base)
     layer.GetRootLayer().Save()
     known = geometry.blender_names(layer, names)
     places = reuse.places(scene, geometry.prims_by_object(layer), shapes, found) | places
     return {"stage": str(file), "notes": notes, "names": known, "transparent": scene.render.film_transparent,
-            "exported": counts, "places": places}  # fmt: skip
+            "exported": counts, "places": places, "time_code": frame if shutter else None}  # fmt: skip
+
+
+def _instants(request: dict[str, Any], frame: float, shutter: tuple[float, float]) -> list[tuple[float, Usd.Stage]]:
+    """Export the scene at other instants of the shutter. Returns their frames and stages."""
+    found = []
+    for at in motion.instants(shutter):
+        begin = math.floor(frame + at)
+        folder = f"{request['folder']}/at{at:+g}"
+        asked = {"frame": begin, "subframe": frame + at - begin, "folder": folder, "instant": True}
+        found.append((frame + at, Usd.Stage.Open(_export({**request, **asked})["stage"])))
+    return found
 
 
 def _write_shapes(**values: Any) -> None:

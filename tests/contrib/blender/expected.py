@@ -78,5 +78,15 @@ EXPECTED: dict[str, dict[str, Expected]] = {
         "a mesh that scatters": Expected(each=0.02),
         "the world's": Expected(0.003, 0.01, 0.08, notes=("endless-fog", "out-of-range")),
     },
+    "motions": {
+        "an object": Expected(),
+        "a turn": Expected(),
+        "a shape": Expected(),
+        "instances": Expected(each=0.015),
+        "the camera": Expected(),
+        "its start": Expected(),
+        "not of this object": Expected(),
+        "faces that change": Expected(notes=("motion-topology",)),
+    },
     "hair": {"hair of particles": Expected(-0.09, 0.03, 0.2)},
 }

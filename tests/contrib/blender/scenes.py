@@ -493,6 +493,77 @@ def volumes(asked):
         both(name, asked["folder"])
 
 
+def moves(obj, path, *values):
+    """Animate a property linearly over the frames 0, 1, 2."""
+    for frame, value in enumerate(values):
+        setattr(obj, path, value)
+        obj.keyframe_insert(path, frame=frame)
+    animation = obj.animation_data.action
+    curves = animation.fcurves if hasattr(animation, "fcurves") else animation.layers[0].strips[0].channelbags[0].fcurves
+    for curve in curves:
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+
+
+def cube(**values):
+    bpy.ops.mesh.primitive_cube_add(size=0.8, location=(0, 0, 0.6))
+    bpy.context.object.data.materials.append(material("moving", Base_Color=(0.8, 0.3, 0.1, 1), Roughness=0.8))
+    return bpy.context.object
+
+
+def bent():
+    """A cube whose shape changes by a shape key."""
+    obj = cube()
+    obj.shape_key_add(name="Basis")
+    key = obj.shape_key_add(name="taller")
+    for point in key.data:
+        point.co.z *= 2.5
+    for frame, value in ((0, 0.0), (2, 1.0)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+
+
+def growing():
+    """Copies of a cube that become more."""
+    obj = cube()
+    more = obj.modifiers.new("more", "ARRAY")
+    more.relative_offset_displace = (1.2, 0, 0)
+    for frame, count in ((0, 1), (1, 4), (2, 7)):
+        more.count = count
+        more.keyframe_insert("count", frame=frame)
+
+
+def unblurred():
+    obj = cube()
+    moves(obj, "location", (-0.5, 0, 0.6), (0, 0, 0.6), (0.5, 0, 0.6))
+    obj.cycles.use_motion_blur = False
+
+
+MOTIONS = {
+    "an object": lambda: moves(cube(), "location", (-0.5, 0, 0.6), (0, 0.2, 0.6), (0.5, 0, 0.6)),
+    "a turn": lambda: moves(cube(), "rotation_euler", (0, 0, 0), (0, 0, 0.5), (0, 0, 1.0)),
+    "a shape": bent,
+    "instances": lambda: moves(scattered(), "location", (-0.3, 0, 0.2), (0, 0, 0.2), (0.3, 0, 0.2)),
+    "the camera": lambda: (cube(), moves(bpy.context.scene.camera, "location", (-0.2, -5, 4), (0, -5, 4), (0.2, -5, 4))),
+    "its start": lambda: moves(cube(), "location", (-0.5, 0, 0.6), (0, 0, 0.6), (0.5, 0, 0.6)),
+    "not of this object": unblurred,
+    "faces that change": growing,
+}
+
+
+def motions(asked):
+    for name, make in MOTIONS.items():
+        scene = empty(48)
+        scene.frame_set(1)
+        floor()
+        world((0.6, 0.6, 0.6))
+        camera((0, -5, 4), (math.radians(52), 0, 0), lens=35.0)
+        make()
+        scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 0.8
+        scene.render.motion_blur_position = "START" if name == "its start" else "CENTER"
+        both(name, asked["folder"])
+
+
 def masks(asked):
     """Cryptomattes and light groups of objects, instances and a parent, and the passes that show the error, by both engines."""
     scene = empty(64, samples=64)
