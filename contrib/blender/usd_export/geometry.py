@@ -276,7 +276,25 @@ def blender_names(stage: Usd.Stage, prototypes: dict[str, Prototype]) -> dict[st
     return {"objects": objects, "materials": materials, "assets": assets}
 
 
-def repair_hair(stage: Usd.Stage, layer_stage: Usd.Stage, systems: dict[str, tuple[float, float, str]], note: Note) -> None:
+@dataclass(frozen=True)
+class Hair:
+    """Radii at root and tip in scene units, how they change between the two, and the material of a particle system's hair."""
+
+    root: float = 0.01
+    tip: float = 0.0
+    shape: float = 0.0
+    closes: bool = False
+    look: str = ""
+
+    def radius(self, along: float) -> float:
+        """Return the radius at a share of the way from the root to the tip (Cycles, shaperadius)."""
+        if along >= 1 and self.closes:
+            return 0.0
+        power = 1 + self.shape if self.shape < 0 else 1 / max(1 - self.shape, 1e-6)
+        return self.tip + (self.root - self.tip) * (1 - along) ** power
+
+
+def repair_hair(stage: Usd.Stage, layer_stage: Usd.Stage, systems: dict[str, Hair], note: Note) -> None:
     """Give curves of particle systems, which the exporter writes without widths and material, those of their systems."""
     materials = {prim.GetName(): prim for prim in stage.Traverse() if prim.IsA(UsdShade.Material)}
     for prim in stage.Traverse():
@@ -285,9 +303,9 @@ def repair_hair(stage: Usd.Stage, layer_stage: Usd.Stage, systems: dict[str, tup
         curves = UsdGeom.BasisCurves(prim)
         counts = np.asarray(curves.GetCurveVertexCountsAttr().Get() or [], int)
         owners = [str(prim.GetPath())] + [str(path) for path in prim.GetPath().GetPrefixes()]
-        found = next((systems[name] for name in systems if any(_names(path, name) for path in owners)), (0.01, 0.0, ""))
-        root, tip, look = found
-        widths = [2 * (root + (tip - root) * k / max(count - 1, 1)) for count in counts for k in range(count)]
+        found = next((systems[name] for name in systems if any(_names(path, name) for path in owners)), Hair())
+        look = found.look
+        widths = [2 * found.radius(k / max(count - 1, 1)) for count in counts for k in range(count)]
         over = UsdGeom.BasisCurves(layer_stage.OverridePrim(prim.GetPath()))
         over.CreateWidthsAttr(Vt.FloatArray(widths))
         over.SetWidthsInterpolation(UsdGeom.Tokens.vertex)

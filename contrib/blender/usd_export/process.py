@@ -216,17 +216,19 @@ def _write_lights_and_camera(layer: Usd.Stage, scope: str, depsgraph: Any, folde
     return {name: place for name, place in places.items() if name not in instanced}
 
 
-def _hair(scene: Any) -> dict[str, tuple[float, float, str]]:
-    """Return the radii at root and tip, in scene units, and the materials of particle systems by their names."""
+def _hair(scene: Any) -> dict[str, geometry.Hair]:
+    """Return what hair of particle systems is like, by their names. Blender's Root and Tip are diameters (Cycles,
+    ObtainCacheParticleData)."""
     found = {}
     for obj in scene.objects:
         for system in obj.particle_systems:
             settings = system.settings
-            scale = settings.radius_scale
+            scale = settings.radius_scale / 2
             slots = obj.material_slots
             slot = slots[min(settings.material, len(slots)) - 1] if slots else None
             look = slot.material.name if slot is not None and slot.material is not None else ""
-            found[system.name] = (settings.root_radius * scale, settings.tip_radius * scale, look)
+            radii = settings.root_radius * scale, settings.tip_radius * scale
+            found[system.name] = geometry.Hair(*radii, settings.shape, settings.use_close_tip, look)
     return found
 
 
