@@ -32,6 +32,8 @@ class Row:
 WORLD_IMAGES = ("constant", "image", "image, strong", "image, turned", "image, tilted")
 FLAT = ("perspective", "shifted", "portrait", "orthographic")
 PLAIN = ("default", "rough", "metal", "specular level", "alpha", "sheen", "emission")
+BY_ATTRIBUTE = "Volume Scatter by an attribute"
+MOVING = ("an object", "a turn", "a shape", "instances", "the camera", "its start", "not of this object")
 AS_PRINCIPLED = ("Diffuse BSDF", "Emission", "Mix Shader with Transparent BSDF")
 ROWS = (
     Row("point, spot, area (all shapes, spread) and sun lamps; exposure, temperature, constants of their nodes",
@@ -59,7 +61,21 @@ ROWS = (
     Row("curves with a bevel, text, metaballs", "meshes; curves without a bevel are not drawn, as in Blender", "curves"),
     Row("hair of particles, hair curves", "curves with their widths and material, where the object that grows it is rendered",
         "hair", ("hair of particles",)),
-    Row("volumes", "their grids, without their material"),
+    Row("OpenVDB volumes: Principled Volume, Volume Scatter; density by an attribute, Volume Info, products with numbers",
+        "[MaterialX's volume](volumes.md)", "volumes", ("smoke", "smoke, scaled", "absorption colour", BY_ATTRIBUTE)),
+    Row("black bodies by a grid of temperatures", "their colour and Stefan and Boltzmann's law, as in Cycles", "volumes",
+        ("fire",)),
+    Row("meshes with a volume: Principled Volume, Volume Absorption", "the shape filled", "volumes",
+        ("a mesh that absorbs", "a mesh that scatters")),
+    Row("Volume Coefficients, Emission, sums and mixes of volume shaders", "MaterialX's sums and products"),
+    Row("phase functions", "Henyey and Greenstein's, and Mie's ([droplets](volumes.md#mist)); others are noted"),
+    Row("emission of a grid that no attribute scales", "where the density is not 0; Cycles fills the blocks of the grid"),
+    Row("the world's volume of grey density", "[fog](fog.md) without a top, which scatters at most 0.99", "volumes",
+        ("the world's",)),
+    Row("motion blur of objects, shapes, instances, cameras; shutter, position, and objects without it",
+        "time samples as the shutter opens, is half open and closes, each an export", "motions", MOVING),
+    Row("what changes its faces, curves or instances meanwhile", "without blur, which is noted", "motions",
+        ("faces that change",)),
     Row("subdivision as the last modifier", "a subdivision surface"),
 )  # fmt: skip
 
