@@ -111,6 +111,8 @@ def _principled(tree: Any, shader: Any, name: str, note: Note, depth: int) -> An
         if source in shader.inputs and target in made.inputs:
             _pass_on(tree, shader.inputs[source], made.inputs[target])
     if shader.type == "BSDF_GLASS":
+        # A Glass BSDF colours what it reflects, too.
+        _pass_on(tree, shader.inputs["Color"], made.inputs["Specular Tint"])
         _square(tree, made.inputs["Base Color"])
     return made
 
@@ -208,6 +210,7 @@ def repair_networks(stage: Usd.Stage) -> None:
             continue
         if _constant(shader, "coat_weight", 0.0) != 0.0:
             shader.CreateInput("coat_darkening", Sdf.ValueTypeNames.Float).Set(0.0)
+            _keep_reflection_below_coat(shader)
         if _constant(shader, "transmission_weight", 0.0) != 0.0:
             _root_of_transmission(stage, shader)
         anisotropy = _constant(shader, "specular_roughness_anisotropy", 0.0)
@@ -218,6 +221,14 @@ def repair_networks(stage: Usd.Stage) -> None:
             shader.CreateInput("specular_roughness", Sdf.ValueTypeNames.Float).Set(
                 min(roughness * ((1 + (1 - a) ** 2) / 2 / (1 - a)) ** 0.25, 1.0)
             )
+
+
+def _keep_reflection_below_coat(shader: Any) -> None:
+    """Let the base reflect as in air: OpenPBR's index is relative to the coat's, in which a base of the same index vanishes."""
+    weight, coat = _constant(shader, "coat_weight", 0.0), _constant(shader, "coat_ior", 1.6)
+    index = _constant(shader, "specular_ior", 1.5)
+    if weight is not None and coat is not None and index is not None and _constant(shader, "transmission_weight", 0.0) == 0.0:
+        shader.CreateInput("specular_ior", Sdf.ValueTypeNames.Float).Set(index * (1 + (coat - 1) * weight))
 
 
 def _constant(shader: Any, name: str, default: float) -> float | None:
