@@ -606,12 +606,13 @@ def stops(asked):
     add("L", lamp("AREA", size=3.0), (1, -1, 3), (0.3, 0.3, 0))
     camera((0, -5, 4), (math.radians(52), 0, 0), lens=35.0)
     interface = sys.modules[f"{MODULE}.interface"]
-    for name, values in {
+    asked_of: dict[str, dict[str, Any]] = {
         "error": {"target_error": 0.01, "time_limit": 0.0},
         "time": {"target_error": 0.0, "time_limit": 1.0},
         "samples": {"time_limit": 0.0, "samples": 4, "denoise": True},
         "many samples": {"samples": 512},
-    }.items():
+    }
+    for name, values in asked_of.items():
         for setting, value in values.items():
             setattr(scene.primray, setting, value)
         file = multilayer(f"{asked['folder']}/{name}.exr", "PRIMRAY")
