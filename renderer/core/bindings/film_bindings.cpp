@@ -242,6 +242,12 @@ void bind_film(nb::module_& m) {
       .def_prop_ro("camera_rays", [](const Film& f) { return f.camera_rays.load(); })
       .def_prop_ro("scattered_rays", [](const Film& f) { return f.scattered_rays.load(); })
       .def_prop_ro("shadow_rays", [](const Film& f) { return f.shadow_rays.load(); })
+      .def_prop_ro("unseen_walks",
+                   [](const Film& f) {
+                     nb::typed<nb::dict, int, float> walks;
+                     for (const auto& [shape, pixels] : f.unseen_walks) walks[nb::int_(shape)] = pixels;
+                     return walks;
+                   })
       .def_prop_ro("invalid_samples", [](const Film& f) { return f.invalid_samples.load(); });
 }
 

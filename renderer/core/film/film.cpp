@@ -50,6 +50,7 @@ void Film::merge(const Film& other) {
   for (size_t i = 0; i < tile_rays.size(); ++i) tile_rays[i] += other.tile_rays[i];
   camera_rays += other.camera_rays, scattered_rays += other.scattered_rays, shadow_rays += other.shadow_rays;
   invalid_samples += other.invalid_samples, samples += other.samples;
+  note_unseen(other.unseen_walks);
 }
 
 namespace {

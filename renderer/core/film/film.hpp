@@ -5,9 +5,11 @@
 // merged to the same bits. A thread that writes a tile's pixels holds its lock.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <vector>
@@ -37,6 +39,10 @@ struct PixelSums {
   }
 };
 
+// Walks below surfaces that no pixel resolves (integrator/nested_media.hpp): by shape, as the plane "prim" of first hits
+// numbers it, the longest of them in widths of a pixel.
+using UnseenWalks = std::map<int32_t, float>;
+
 // Light that is sampled but left out of the image, by reason: the clamp of indirect light, or caustics that are off.
 enum Removal : int { kClamped, kCaustics, kRemovals };
 
@@ -63,6 +69,9 @@ struct Film {
   std::array<PixelSums, kRemovals> removed;
   std::unique_ptr<DeepFilm> deep;  // null: no deep picture
   std::atomic<int64_t> camera_rays{0}, scattered_rays{0}, shadow_rays{0}, invalid_samples{0}, samples{0};
+  // Not in checkpoints: of the samples that this process rendered.
+  UnseenWalks unseen_walks;
+  std::mutex unseen_walks_lock;
 
   std::array<std::mutex, 64> locks;
 
@@ -104,6 +113,12 @@ struct Film {
   }
   // A replicate's mean, 0 without samples.
   double mean(size_t pixel, int color) const { return counts[pixel] ? sum(pixel, color).value() / counts[pixel] : 0.0; }
+
+  // Keeps the longest walk of each shape.
+  void note_unseen(const UnseenWalks& walks) {
+    const std::lock_guard lock(unseen_walks_lock);
+    for (const auto& [shape, pixels] : walks) unseen_walks[shape] = std::max(unseen_walks[shape], pixels);
+  }
 
   // Adds what another film of the same image accumulated from other samples.
   void merge(const Film& other);

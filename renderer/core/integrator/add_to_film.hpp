@@ -167,6 +167,7 @@ inline void add_to_film(const TileBlock& block, Worker& w, int pixels, int sampl
   film.samples += int64_t(pixels) * samples;
   film.camera_rays += w.camera_rays, film.scattered_rays += w.scattered_rays, film.shadow_rays += w.shadow_rays;
   w.camera_rays = w.scattered_rays = w.shadow_rays = 0;
+  if (!w.unseen_walks.empty()) film.note_unseen(w.unseen_walks), w.unseen_walks.clear();
 }
 
 }  // namespace primray

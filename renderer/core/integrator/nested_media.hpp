@@ -2,13 +2,29 @@
 // below which light walks (subsurface scattering).
 #pragma once
 
+#include <algorithm>
+
 #include "integrator/shade_surface.hpp"
+#include "surface/hit_group.hpp"
 
 namespace primray {
 
 // Mean free paths below a surface shorter than kLeastOffsets of its ray offsets are treated as zero: light leaves where it
 // entered. Channels with a shorter one than kLeastSteps offsets are raised to that.
 constexpr float kLeastOffsets = 64, kLeastSteps = 8;
+
+// Walks that no pixel resolves: light leaves where it entered, with the walk's albedo, where
+// - walks end so near to where they entered that a pixel does not tell: a mean distance along one axis of 1 / kPixelOfWalks of
+// its
+//   width. Of a step of light that runs along the border between two pixels, half that share gets to the other one;
+// - the body is thicker than kThickPaths (reduced) mean free paths: a body of radius R is brighter than a half-space by a share
+// of
+//   1.5 mean free paths over R;
+// - and thicker than kThickLengths diffusion lengths, so that no light gets through.
+constexpr float kPixelOfWalks = 32, kThickPaths = 1000, kThickLengths = 20;
+// Mean distance along one axis between where light enters a half-space of colour c and where it leaves, in reduced mean free
+// paths: a bound to walks by a scalar program, kNearWalk - kFarWalk ln(1 - c).
+constexpr float kNearWalk = 0.5f, kFarWalk = 0.74f;
 
 // White Lambert lobes through which light leaves a subsurface medium.
 template <int W>
@@ -61,6 +77,53 @@ struct SubsurfaceMedium {
   }
 };
 
+// Width of a pixel where paths hit a surface; 0 where it is not known: a mirror or a lens may magnify what it shows. After a
+// rough lobe the ray cone is a sixteenth as wide as the lobe, and never narrower than a pixel.
+template <int W>
+PRIMRAY_INLINE vfloat<W> pixel_width(const PathLanes<W>& p, vfloat<W> t) {
+  const vbool<W> known = (p.depth == vint<W>(0)) | (p.bsdf_pdf > vfloat<W>(0.0f));
+  return select(known, (p.cone_width + p.cone_spread * t) * (1.0f / kConePixels), vfloat<W>(0.0f));
+}
+
+// Returns the lanes of `m` whose walk below the surface no pixel resolves.
+template <int W>
+PRIMRAY_RARE vbool<W> is_walk_unseen(Round& round, vbool<W> m, const PathLanes<W>& p, const SurfaceHit<W>& surface,
+                                     const OpenPbrRows<W>& row, const Medium<W>& below) {
+  using F = vfloat<W>;
+  using V = vvec3<W>;
+  const F g = below.phase, width = pixel_width(p, surface.hits.t);
+  // Walks leave as a Lambert surface below no coat.
+  m &= (g >= F(0.0f)) & (g <= F(kMostFittedPhase)) & (row(kOpenDiffuseRoughness) <= F(0.0f)) & (row(kOpenCoat) <= F(0.0f));
+  const V color = row.color(kOpenSubsurfaceColor);
+  F walked(0.0f), thickness(0.0f);
+  const auto channel = [&](F extinction, F scattering, F c) {
+    const F reduced = max(extinction - g * scattering, 1e-30f), absorbed = max(extinction - scattering, 1e-30f);
+    walked = max(walked, (kNearWalk - kFarWalk * 0.693147181f * log2<W>(max(1.0f - c, 1e-6f))) / reduced);
+    thickness = max(thickness, max(kThickPaths / reduced, kThickLengths / sqrt(3.0f * absorbed * reduced)));
+  };
+  channel(below.extinction.x, below.scattering.x, color.x);
+  channel(below.extinction.y, below.scattering.y, color.y);
+  channel(below.extinction.z, below.scattering.z, color.z);
+  m &= walked * kPixelOfWalks <= width;
+  if (!any(m)) return m;
+
+  // Measure the body's thickness along the normal
+  const Rays<W> inwards{surface.it.p - surface.ng * surface.it.offset, -surface.ng, F(0.0f), thickness, p.ray.time};
+  if (round.recorder) round.recorder->record(false, false, m, inwards);
+  round.worker.scattered_rays += __builtin_popcount(bits(m));
+  m &= intersect(round.scene, false, m, inwards).geom == vint<W>(-1);
+  if (const vbool<W> seen = m & (p.depth == vint<W>(0)); any(seen)) {
+    const vbool<W> on_mesh = HitGroup<W>(round.scene, seen, surface.hits).is_triangle(round.scene, seen);
+    const vint<W> shape = select(on_mesh, surface.it.mesh, vint<W>(-2) - surface.it.curved);
+    for (uint32_t b = bits(seen); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      float& longest = round.worker.unseen_walks[shape[i]];
+      longest = std::max(longest, walked[i] / width[i]);
+    }
+  }
+  return m;
+}
+
 // Shades hits in scenes with media, for the paths from `at` on in the pool; `hit` are the lanes that hit a surface.
 template <int W>
 PRIMRAY_RARE void shade_in_media(Round& round, int at, vbool<W> hit, vbool<W> scatters, PathLanes<W> p,
@@ -80,7 +143,9 @@ PRIMRAY_RARE void shade_in_media(Round& round, int at, vbool<W> hit, vbool<W> sc
   scatters &= !(in_subsurface & deep);
 
   // Find the media on both sides of the boundary
-  const SubsurfaceMedium<W> below(scene, deep, row, it.offset);
+  SubsurfaceMedium<W> below(scene, deep, row, it.offset);
+  if (const vbool<W> m = scatters & below.enterable & surface.front & !in_subsurface; any(m))
+    below.enterable &= !is_walk_unseen(round, m, p, surface, row, below.medium);
   const MediumInterface<W> media{state, Boundary<W>(scene, scatters, state.stack, it.surface, surface.front), below.medium};
   const Boundary<W>& b = media.boundary;
   if (const vbool<W> m = b.missed & !in_subsurface & (state.stack.top() < vint<W>(0)); any(m))

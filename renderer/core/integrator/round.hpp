@@ -16,7 +16,7 @@ namespace primray {
 // Optional state that paths of this scene carry.
 inline PathNeeds path_needs(const Scene& scene, const IntegratorSettings& settings) {
   return {.travelled = scene.has_thin,
-          .cones = scene.has_inputs,
+          .cones = scene.has_inputs || scene.interiors.walks,
           .diffuse_shares = scene.lights.lobe_factors || settings.lpe,
           .links = scene.lights.links.any(),
           .time = scene.moves(),

@@ -85,7 +85,7 @@ PRIMRAY_INLINE void update_path_state(const Round& round, const Vertex<W, Lobes>
   using F = vfloat<W>;
   const Scene& scene = round.scene;
   if (scene.has_thin) n.travelled = select(s.straight, p.travelled + dot(v.it.p - p.ray.o, p.ray.d), F(0.0f));
-  if (scene.has_inputs) {
+  if (round.needs.cones) {
     n.cone_width = p.cone_width + p.cone_spread * dot(v.it.p - p.ray.o, p.ray.d);
     n.cone_spread = p.cone_spread + select(s.pdf > F(0.0f), kLobeSpread / sqrt(max(s.pdf, 1e-6f)), F(0.0f));
   }

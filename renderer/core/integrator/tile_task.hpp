@@ -65,6 +65,7 @@ struct Worker {
   PacketChoice camera_entry, scattered_entry, shadow_entry;
   int64_t camera_rays = 0, scattered_rays = 0, shadow_rays = 0;
   int64_t busy_lanes = 0, shaded_lanes = 0;  // occupancy of the shading steps
+  UnseenWalks unseen_walks;                  // of camera rays
   // Whether camera rays met hair first, by pixel in the order in which the task samples them; for pilots.
   bool shows_fibres[kTile * kTile] = {};
 };

@@ -115,6 +115,12 @@ class Film:
         return {"camera": film.camera_rays, "scattered": film.scattered_rays, "shadow": film.shadow_rays}
 
     @property
+    def unseen_walks(self) -> dict[int, float]:
+        """Walks below surfaces that no pixel resolves: by the number of a shape that the camera sees, as the plane "prim" has
+        it, the longest in widths of a pixel. Of the samples that this process rendered."""
+        return self._film.unseen_walks
+
+    @property
     def rays(self) -> int:
         return sum(self.rays_by_kind.values())
 

@@ -224,7 +224,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     """Return the image of a render that has ended, with its report; diagnostics of sampling are added to `diagnostics`."""
     from ..diagnostics import kept_without
     from ..images.image import Foreground, Image, pixels_sha256
-    from ..report.picture_checks import is_bare, is_empty, why_empty
+    from ..report.picture_checks import is_bare, is_empty, note_unseen_walks, why_empty
     from ..report.report import header_of, make_report, subject_of
     from ..report.vague_error import what_rules
 
@@ -243,6 +243,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     backdrop, rendered, foreground = _backdrop(prepared, sampling, costs), pixels, None
     if backdrop is not None:
         pixels, foreground = backdrop.behind(rendered), Foreground(rendered, backdrop.exposed)
+    note_unseen_walks(prepared, film, diagnostics)
     aovs, of_labels = find_aovs(prepared, sampling, costs, diagnostics)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_facts(prepared.scene), pixels_sha256(pixels), space)

@@ -18,7 +18,7 @@ from ..arrays import Doubles, Floats
 from ..color.color_space import ColorSpace, luminance_weights
 from ..description import Camera, Projection
 from ..diagnostic_codes import Kind, Severity
-from ..diagnostics import Diagnostic
+from ..diagnostics import Diagnostic, Diagnostics
 from ..settings import BIAS, RenderSettings
 from .prepared import Prepared
 
@@ -128,6 +128,32 @@ def weighed_errors(pixels: Floats, errors: Floats, reference: Floats | None = No
 BAND = 64  # rows
 MOST_PIXELS = 5  # number of pixels listed, those that lose most
 BIAS_NAMES = {"clamp_indirect": "the clamp of indirect light", "caustics": "leaving out caustics"}
+
+
+# Limits of walks that no pixel resolves, and so their error (integrator/nested_media.hpp): a body whose radius is half of the
+# least thickness is brighter by 1.5 mean free paths over the radius.
+MOST_CURVED_ERROR = 0.003
+MOST_SHAPES = 5  # that are named
+
+
+def note_unseen_walks(prepared: Prepared, film: core.Film, diagnostics: Diagnostics) -> None:
+    """Report the shapes that the camera sees with light leaving where it entered, and the error's bound."""
+    walks: dict[str, float] = {}
+    for number, pixels in film.unseen_walks.items():
+        path = prepared.scene.uploaded.shape_rows.path_of(number) if prepared.scene.uploaded is not None else ""
+        walks[path] = max(walks.get(path, 0.0), pixels)
+    if not walks:
+        return
+    longest, named = max(walks.values()), sorted(walks)
+    others = f" and {len(named) - MOST_SHAPES} more" if len(named) > MOST_SHAPES else ""
+    diagnostics.add(
+        "subsurface-unresolved",
+        named[0],
+        f"Light leaves {', '.join(named[:MOST_SHAPES])}{others} where it entered, of the colour that it would have: walks "
+        f"below the surface end {longest:.2g} pixels away on average. A pixel at a hard edge of light is off by "
+        f"{50 * longest:.2g} % of the step at most, a curved body by {100 * MOST_CURVED_ERROR:.1g} %; parts thinner than "
+        "1,000 mean free paths or 20 diffusion lengths have walks.",
+    )
 
 
 def left_out(film: core.Film, settings: RenderSettings, space: ColorSpace) -> dict[str, Any]:

@@ -59,4 +59,22 @@ PRIMRAY_INLINE Interior<W> subsurface_interior(const OpenPbrValues<W>& v) {
   return {select(deep, t, vvec3<W>(zero)), {albedo(c.x), albedo(c.y), albedo(c.z)}, g};
 }
 
+// Albedo of a half-space with that interior, below a diffuse boundary: van de Hulst's formula is off by up to 4 % of a dark
+// colour. A fit to the albedo by doubling (tests/images/open_pbr/test_unseen_walks.py) with an error of 3.3e-4 for mean cosines
+// from 0 to 0.9; without a correction elsewhere.
+constexpr float kMostFittedPhase = 0.9f;
+template <int W>
+PRIMRAY_RARE vvec3<W> walk_albedo(const OpenPbrValues<W>& v) {
+  using F = vfloat<W>;
+  const F g = v.subsurface_scatter_anisotropy;
+  const vbool<W> fitted = (g >= F(0.0f)) & (g <= F(kMostFittedPhase));
+  const F low = 0.03031f + g * (-0.10394f + g * 0.0945f), high = 0.00095f + g * (-0.03826f - g * 0.04689f);
+  const auto of = [&](F c) {
+    const F a = 1.0f - c, a2 = a * a, a4 = a2 * a2;
+    return select(fitted, c * (1.0f + a4 * a * low + a4 * a4 * a4 * high), c);
+  };
+  const vvec3<W>& c = v.subsurface_color;
+  return {of(c.x), of(c.y), of(c.z)};
+}
+
 }  // namespace primray

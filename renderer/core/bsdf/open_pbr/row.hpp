@@ -75,10 +75,13 @@ PRIMRAY_INLINE void reduce_open_pbr(const OpenPbrValues<W>& v, bool thin, vfloat
   const auto lerp = [](auto a, auto b, F t) { return a + (b - a) * t; };
   const auto put = [&](int field, const V& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
   const F s = v.subsurface_weight, g = v.subsurface_scatter_anisotropy;
-  // Where light does not enter (interior.hpp), subsurface light leaves where it entered, with its colour.
-  const V base = v.base_color, below = v.subsurface_color * (thin ? 0.5f * (1.0f - g) : one);
+  const Interior<W> under = subsurface_interior(v);
   // The weight is separate, as in the specification, where only that part is diffuse.
-  const vbool<W> mixed = s > zero;
+  const vbool<W> mixed = s > zero, walks = mixed & under.exists() & !vbool<W>(thin);
+  // Where light does not enter (interior.hpp), subsurface light leaves where it entered, with its colour.
+  const V base = v.base_color;
+  V below = v.subsurface_color * (thin ? 0.5f * (1.0f - g) : one);
+  if (any(walks)) below = select(walks, walk_albedo(v), below);
   put(kOpenDiffuse, select(mixed, lerp(base * v.base_weight, below, s), base));
   row[kOpenDiffuseWeight] = select(mixed, one, v.base_weight);
   put(kOpenBehind, thin ? v.subsurface_color * (0.5f * (1.0f + g) * s) : V(zero));
@@ -90,8 +93,7 @@ PRIMRAY_INLINE void reduce_open_pbr(const OpenPbrValues<W>& v, bool thin, vfloat
   put(kOpenExtinction, inside.extinction), put(kOpenScattering, inside.scattering), row[kOpenPhase] = inside.phase;
   row[kOpenTransmission] = v.transmission_weight;
   put(kOpenTint, select((v.transmission_depth > zero) & !vbool<W>(thin), V(one), v.transmission_color));
-  const Interior<W> under = subsurface_interior(v);
-  row[kOpenSubsurface] = select(under.exists() & !vbool<W>(thin), s, zero), row[kOpenSubsurfacePhase] = under.phase;
+  row[kOpenSubsurface] = select(walks, s, zero), row[kOpenSubsurfacePhase] = under.phase;
   put(kOpenSubsurfaceExtinction, under.extinction), put(kOpenSubsurfaceAlbedo, under.scattering),
       put(kOpenSubsurfaceColor, v.subsurface_color);
   put(kOpenAside, base), row[kOpenAsideWeight] = v.base_weight * (one - s);
