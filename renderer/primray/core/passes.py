@@ -182,13 +182,14 @@ class PickedPoint:
     distance: float  # scene units
     prim: str  # path of the shape, of a prototype's in it
     instance: str  # name; "": none
+    material: str  # path, in a prototype likewise; "": none
 
 
 def pick(scene: CoreScene, x: int, y: int, settings: RenderSettings) -> PickedPoint | None:
     """Return what is seen in one pixel of a scene that has a record, x to the right and y down; None if that is no surface."""
     record = scene.record
     assert record is not None
-    hits = compiled.FirstHits(scene._scene, ["position", "distance", "prim", "instance", "outer"], [])
+    hits = compiled.FirstHits(scene._scene, ["position", "distance", "prim", "material", "instance", "outer"], [])
     hits.fill(lanes(), 1, y, y + 1)
     planes = {name: plane[y, x] for name, plane in hits.take().items()}
     row = int(planes["prim"][0])
@@ -198,7 +199,14 @@ def pick(scene: CoreScene, x: int, y: int, settings: RenderSettings) -> PickedPo
     if not name and planes["instance"][0] >= 0:
         numbers = scene.instance_numbers
         name = numbers.name(int(numbers.number(planes["instance"], planes["outer"])[0]))
-    return PickedPoint(planes["position"].astype(np.float64), float(planes["distance"][0]), record.shape_paths[shape], name)
+    surface = int(planes["material"][0])
+    return PickedPoint(
+        planes["position"].astype(np.float64),
+        float(planes["distance"][0]),
+        record.shape_paths[shape],
+        name,
+        record.surface_paths[surface] if surface >= 0 else "",
+    )
 
 
 @dataclass(frozen=True)

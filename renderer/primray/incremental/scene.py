@@ -16,7 +16,7 @@ from ..errors import SettingsError
 from ..render.prepare import composing_settings, prepare
 from ..render.render import OnInterrupt, OpenedFrames, rendered_frames, with_setting_names
 from ..settings import RenderSettings, with_values
-from .steps import CachedSteps, MemoryLimitedSteps
+from .steps import CachedSteps, MemoryLimitedSteps, SharedTranslation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -103,17 +103,30 @@ class Scene:
 class KeptStage(OpenedFrames):
     """An opened stage and its kept steps. `opened`: the stage, as composed for the settings that it was opened with.
 
-    `is_frugal`: where the process is large, nothing is kept beside the picture that is rendered.
+    `is_frugal`: where the process is large, nothing is kept beside the picture that is rendered. `lock`: held by whoever edits
+    the stage. `writes_session`: a caller's stage is composed again from its layers, with a session layer to write to.
     """
 
-    def __init__(self, stage: Any, settings: RenderSettings, *, is_frugal: bool = False) -> None:
+    def __init__(
+        self,
+        stage: Any,
+        settings: RenderSettings,
+        *,
+        is_frugal: bool = False,
+        lock: AbstractContextManager[object] | None = None,
+        writes_session: bool = False,
+    ) -> None:
         from ..usd.incremental import StageChanges
 
         super().__init__(stage, settings)
         self._composition = settings.composition
         self._is_given = self.opened.stage is stage  # a caller's stage, whose session layer primray does not write to
+        if self._is_given and writes_session:
+            from ..usd import scratch_copy
+
+            self.opened, self._is_given = replace(self.opened, stage=scratch_copy(stage)), False
         self._changes = StageChanges(self.opened.stage)
-        self._steps = MemoryLimitedSteps() if is_frugal else CachedSteps()
+        self._steps = MemoryLimitedSteps() if is_frugal else CachedSteps(SharedTranslation(lock))
 
     @property
     def own_steps(self) -> CachedSteps:
@@ -127,6 +140,10 @@ class KeptStage(OpenedFrames):
     def lock(self) -> AbstractContextManager[object]:
         """Whoever edits the stage holds this, where scenes are prepared in other threads."""
         return self._steps.translation.lock
+
+    def is_edited(self) -> bool:
+        """Return whether the stage has been edited since a render last took its edits."""
+        return self._changes.are_there()
 
     def forget(self) -> None:
         self._steps.forget()

@@ -82,11 +82,11 @@ class SharedTranslation:
     `lock` is held by who reads or edits the stage; steps in other threads then wait.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, lock: AbstractContextManager[object] | None = None) -> None:
         from ..core import compiled
         from ..usd.incremental import Changes, KeptTranslation
 
-        self.lock = threading.RLock()
+        self.lock: AbstractContextManager[object] = threading.RLock() if lock is None else lock
         self.changes = Changes()
         self.kept = KeptTranslation(compiled.triangulate)
 

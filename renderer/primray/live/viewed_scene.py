@@ -14,7 +14,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Collection
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -82,6 +82,7 @@ class Hit:
     distance: float  # scene units
     prim: str  # path, in the instance if it is in one
     instance: str  # name; "": none
+    material: str = ""  # path, in the instance likewise; "": none
 
 
 Answer = Callable[[], bool]
@@ -93,14 +94,25 @@ class _AbandonedError(Exception):
 
 
 class ViewedScene:
-    """The stage at `path`; used by one thread at a time, except for what it prepares itself.
+    """The stage at a path, or a caller's Usd.Stage; used by one thread at a time, except for what it prepares itself.
+
+    Of a caller's stage the layers are shared: its own session layer is not written to. `lock` is held while the stage is
+    read, and by whoever edits it meanwhile.
 
     Raises PrimrayErrors where it cannot be opened or rendered; its state is then that of before. `on_progress` is called from
     any thread, as `Steps.on_progress` is.
     """
 
-    def __init__(self, path: str, settings: RenderSettings, on_progress: OnProgress | None = None) -> None:
-        self.path = path
+    def __init__(
+        self,
+        source: str | Any,
+        settings: RenderSettings,
+        on_progress: OnProgress | None = None,
+        lock: AbstractContextManager[object] | None = None,
+    ) -> None:
+        self.source = source
+        self.path = source if isinstance(source, str) else usd.stage_name(source)
+        self.lock = threading.RLock() if lock is None else lock
         self.settings = settings  # without the camera and variants chosen since
         self.on_progress = on_progress
         self.camera = settings.camera
@@ -136,33 +148,65 @@ class ViewedScene:
         return "" if self._authored is None else self._authored.path
 
     @property
-    def stage_lock(self) -> AbstractContextManager[object]:
-        return nullcontext() if self._kept is None else self._kept.lock
+    def stage(self) -> Any:
+        """The Usd.Stage that is rendered; a caller's own."""
+        if not isinstance(self.source, str):
+            return self.source
+        if self._kept is None:
+            self.open()
+        assert self._kept is not None
+        return self._kept.opened.stage
 
     def open(self, variants: tuple[str, ...] | None = None) -> None:
         """Compose the stage, with other variants if given."""
         chosen = self.variants if variants is None else variants
         self.stop_preparing()
-        self.read_ns = time.time_ns()
-        kept = KeptStage(self.path, replace(self.settings, variants=chosen))
-        opened = kept.opened
-        facts = usd.stage_facts(opened.stage)
-        self._kept, self.variants = kept, chosen
-        self._front = self._spare = self._next = None
-        self._prepared = self._denoising = self.selected = None
-        self.cameras = [path for path in usd.camera_paths(opened.stage) if not usd.is_session_camera(path)]
+        with self.lock:
+            self.read_ns = time.time_ns()
+            kept = KeptStage(self.source, replace(self.settings, variants=chosen), lock=self.lock, writes_session=True)
+            facts = usd.stage_facts(kept.opened.stage)
+            self._kept, self.variants = kept, chosen
+            self._drop()
+            self.selected = None
+            self._take(kept.opened.stage, facts)
+            self._place()
+
+    def note_edits(self) -> None:
+        """Look again at what the stage offers, after it has been edited."""
+        if self._kept is not None:
+            with self.lock:
+                self._take(self._kept.opened.stage, usd.stage_facts(self._kept.opened.stage))
+
+    def _take(self, stage: Any, facts: dict[str, Any]) -> None:
+        self.cameras = [path for path in usd.camera_paths(stage) if not usd.is_session_camera(path)]
         self.variant_sets, self._z_up = facts["variants"], facts["up_axis"] == "Z"
         self.times = _times_of(facts["time"])
         self.time_codes_per_second = facts["time"]["time_codes_per_second"]
-        if self._authored is not None and self._authored.path and not usd.has_camera(opened.stage, self._authored.path):
+        if self._authored is not None and self._authored.path and not usd.has_camera(stage, self._authored.path):
             self.camera = self.settings.camera if self.camera == self._authored.path else self.camera
             self.orbit = self._authored = None
-        self._place()
+
+    def is_edited(self) -> bool:
+        """Return whether the stage has been edited since a picture was last prepared."""
+        return self._kept is not None and self._kept.is_edited()
+
+    def free(self) -> None:
+        """Free all that is made of the stage; the stage stays open, and the camera where it is."""
+        self.stop_preparing()
+        self._drop()
+        if self._kept is not None:
+            with self.lock:
+                self._kept.forget()
+
+    def _drop(self) -> None:
+        self._front = self._spare = self._next = None
+        self._prepared = self._denoising = None
 
     def read_anew(self, files: Collection[str]) -> None:
         """Reload the stage after these files (absolute paths) have changed."""
         self.stop_preparing()
-        usd.reload_layers(self.path, files)
+        with self.lock:
+            usd.reload_layers(self.path, files)
         self.open()
 
     def choose(self, prim: str, of_set: str, name: str) -> None:
@@ -173,7 +217,9 @@ class ViewedScene:
     def files(self) -> set[str]:
         """Return absolute paths of the files that the picture may change with."""
         session_layer = self.settings.session_layer
-        found = usd.files_to_watch(self.path) | (usd.files_to_watch(session_layer) if session_layer else set())
+        found = usd.files_to_watch(session_layer) if session_layer else set()
+        if isinstance(self.source, str):
+            found |= usd.files_to_watch(self.source)
         if self._kept is not None:
             for layer in (
                 usd.layer_files(self._kept.opened.stage) - found
@@ -225,8 +271,9 @@ class ViewedScene:
         if found is None:
             return None
         with self._kept.lock:
-            names = usd.names_in_instances(self._kept.opened.stage, [found.prim], [], ())
-        return Hit(found.position, found.distance, names.get(found.prim, found.prim), found.instance)
+            names = usd.names_in_instances(self._kept.opened.stage, [found.prim], [found.material], ())
+        prim, material = (names.get(path, path) for path in (found.prim, found.material))
+        return Hit(found.position, found.distance, prim, found.instance, material)
 
     def select(self, x: float, y: float) -> None:
         """Select what is at a point of the picture; where nothing is, nothing."""

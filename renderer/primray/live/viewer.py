@@ -116,11 +116,12 @@ class Viewer:
         self._again = True  # the picture is out of date
         self._interrupted = False  # the picture is current, but was interrupted before it was finished
         self._closed = False
+        self._is_idle = False  # waits for something to do
         self._unread: set[str] = set()  # changed files that could not be read yet
         self._problems: dict[str, PrimrayError] = {}  # by what went wrong: "files", "order", "render"
         self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
         self._watch = FileWatch(self._files_changed)
-        self._watch.watch([os.path.abspath(scene.path)], time.time_ns())
+        self._watch.watch([os.path.abspath(scene.path)] if isinstance(scene.source, str) else [], time.time_ns())
         self._looks = looks
         self._looks_new = False
         self._view: View | None = None
@@ -189,6 +190,31 @@ class Viewer:
             else:
                 view.image.save(path)
             return path.read_bytes()
+
+    def edited(self, taken: Callable[[], object] = lambda: None) -> None:
+        """Render the stage again, which has been edited; `taken` is called from the thread before it does."""
+
+        def take() -> None:
+            self._change(self._scene.note_edits, "order")
+            taken()
+
+        self._order(take)
+
+    @property
+    def view(self) -> View | None:
+        """What is shown; None before the first picture."""
+        return self._view
+
+    @property
+    def problem(self) -> PrimrayError | None:
+        """What prevents the picture that is wanted."""
+        return next(iter(self._problems.values()), None)
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the picture is finished, or cannot be made, and nothing waits."""
+        with self._news:
+            return self._is_idle and not self._has_work() and self._state["phase"] in ("finished", "failed")
 
     @property
     def path(self) -> str:
@@ -261,7 +287,9 @@ class Viewer:
     def _run(self) -> None:
         while True:
             with self._news:
+                self._is_idle = True
                 self._news.wait_for(self._has_work)
+                self._is_idle = False
                 if self._closed:
                     return
                 orders, self._orders = self._orders, []
@@ -385,8 +413,7 @@ class Viewer:
         self._changed()
 
     def _publish(self, phase: str | None = None) -> None:
-        scene, view = self._scene, self._view
-        problem = next(iter(self._problems.values()), None)
+        scene, view, problem = self._scene, self._view, self.problem
         now = "failed" if problem is not None and not phase else phase or self._state["phase"]
         found: dict[str, Any] = {
             "phase": now,
@@ -400,7 +427,7 @@ class Viewer:
             "set": {name: _plain(getattr(scene.settings, name)) for name in SETTINGS},
             "selected": None
             if scene.selected is None
-            else {"prim": scene.selected.prim, "instance": scene.selected.instance, "distance": scene.selected.distance},
+            else {name: getattr(scene.selected, name) for name in ("prim", "instance", "material", "distance")},
             "aov": scene.aov,
             "denoise": scene.denoises,
             "exposure": self._looks.exposure,

@@ -25,7 +25,7 @@ from .scene.bounds import world_box
 from .stage.asset_previews import check_preview, write_with_preview
 from .stage.layer_copy import readable_layer
 from .stage.metadata import stage_name, used_files
-from .stage.open import limit_threads, open_stage, reload_layers
+from .stage.open import limit_threads, open_stage, reload_layers, scratch_copy
 from .stage.reads import read_asset
 from .translate import camera_paths, translate
 from .variation.varied_stage import VariedStage
@@ -69,6 +69,7 @@ __all__ = [
     "readable_layer",
     "reload_layers",
     "sampled_times",
+    "scratch_copy",
     "stage_facts",
     "stage_name",
     "translate",

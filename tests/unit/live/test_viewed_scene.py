@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pxr import Usd, UsdGeom, UsdLux, UsdShade
 from tests import vdb_writer as vdb
 from tests.unit.usd.volumes.volume_text import grid, write
 
@@ -456,3 +457,73 @@ def test_the_camera_of_another_stage_needs_a_picture(scene: ViewedScene) -> None
     scene.open()
     with pytest.raises(SettingsError):
         scene.camera_text()
+
+
+def test_a_callers_stage_is_edited_and_its_session_layer_left_alone(tmp_path: Path) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    light = UsdLux.DomeLight.Define(stage, "/light")
+    UsdGeom.Cube.Define(stage, "/c")
+    scene = ViewedScene(stage, primray.RenderSettings(resolution=(24, 16), seed=3))
+    first = picture(scene)
+    assert scene.stage is stage
+    assert not scene.is_edited()
+    scene.move(lambda orbit, camera: orbit.tumbled(0.2, 0.0))
+    moved = picture(scene)
+    assert not same(moved, first)
+    assert not scene.is_edited()  # the camera of the view is no edit
+    assert not stage.GetPrimAtPath("/primray_view")
+    assert stage.GetSessionLayer().empty
+    light.CreateIntensityAttr().Set(4.0)
+    assert scene.is_edited()
+    assert picture(scene).pixels.mean() > 2 * moved.pixels.mean()
+    stage.GetSessionLayer().ImportFromString('#usda 1.0\nover "light" {\n    float inputs:intensity = 0.5\n}\n')
+    assert scene.is_edited()
+    assert picture(scene).pixels.mean() < moved.pixels.mean()
+    assert scene.files() == set()
+
+
+def test_what_a_stage_offers_is_looked_at_after_edits(scene: ViewedScene) -> None:
+    picture(scene)
+    assert scene.cameras == ["/cam"]
+    UsdGeom.Camera.Define(scene.stage, "/other")
+    scene.stage.GetPrimAtPath("/w").GetAttribute("xformOp:translate")
+    UsdGeom.Sphere.Get(scene.stage, "/w/s").GetRadiusAttr().Set(2.0, 7)
+    UsdGeom.Sphere.Get(scene.stage, "/w/s").GetRadiusAttr().Set(1.0, 1)
+    scene.note_edits()
+    assert sorted(scene.cameras) == ["/cam", "/other"]
+    assert scene.times == (1.0, 7.0)
+    scene.look_through("/other")
+    scene.stage.RemovePrim("/other")
+    with pytest.raises(PrimrayError, match="/other"):
+        picture(scene)
+
+
+def test_what_is_freed_is_made_again(scene: ViewedScene) -> None:
+    scene.move(lambda orbit, camera: orbit.tumbled(0.0, 0.0))
+    first = picture(scene)
+    scene.move(lambda orbit, camera: orbit.tumbled(0.3, 0.1))
+    moved, stage = picture(scene), scene.stage
+    scene.free()
+    assert scene.pick(0.5, 0.5) is None
+    assert scene.stage is stage
+    assert same(picture(scene), moved)
+    assert not same(first, moved)
+
+
+def test_what_is_picked_has_its_material(tmp_path: Path) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    sphere = UsdGeom.Sphere.Define(stage, "/s").GetPrim()
+    material, shader = UsdShade.Material.Define(stage, "/looks/red"), UsdShade.Shader.Define(stage, "/looks/red/s")
+    shader.CreateIdAttr("UsdPreviewSurface")
+    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+    UsdShade.MaterialBindingAPI.Apply(sphere).Bind(material)
+    scene = ViewedScene(stage, primray.RenderSettings(resolution=(24, 16)))
+    picture(scene)
+    hit = scene.pick(0.5, 0.5)
+    assert hit is not None
+    assert (hit.prim, hit.material) == ("/s", "/looks/red")
+    UsdShade.MaterialBindingAPI(sphere).UnbindAllBindings()
+    picture(scene)
+    hit = scene.pick(0.5, 0.5)
+    assert hit is not None
+    assert hit.material == ""

@@ -58,6 +58,10 @@ class StageChanges:
         """Return all changes so far, and begin with none."""
         return self._heard.take()
 
+    def are_there(self) -> bool:
+        """Return whether there are any beside those of the session camera."""
+        return self._heard.is_any()
+
 
 class _Heard:
     """Collected changes, separate from StageChanges, which the registered listener would otherwise keep alive."""
@@ -70,6 +74,10 @@ class _Heard:
         with self._lock:
             taken, self._changes = self._changes, Changes()
         return taken
+
+    def is_any(self) -> bool:
+        with self._lock:
+            return self._changes.others or not all(map(is_of_session_camera, self._changes.values))
 
     def hear(self, notice: Any) -> None:
         told = _changes_in(notice)

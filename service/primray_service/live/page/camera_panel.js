@@ -1,6 +1,7 @@
 // The camera: which one, at which time, what is selected; and the stage's variants.
 
 import { button, choice, element, field, fill, say, write } from "../page/base/dom.js";
+import { selectedWords } from "./figures.js";
 import { keepFocus } from "./focus.js";
 import { send, sendAndSee } from "./server.js";
 
@@ -51,8 +52,7 @@ export function cameraPanel() {
     named = text;
     write(frame.querySelector("span"), found ? "selected" : "all");
     if (found) {
-      const where = `${found.distance.toPrecision(4)} away${found.instance ? `, in ${found.instance}` : ""}`;
-      fill(selected, element("code", {}, found.prim), " ", element("span", { class: "note" }, where));
+      fill(selected, element("code", {}, found.prim), " ", element("span", { class: "note" }, selectedWords(found)));
       say(`Selected ${found.prim}`);
     } else {
       fill(selected, element("span", { class: "note" }, "Nothing is selected: click something to name it."));

@@ -1,6 +1,7 @@
 // The picture: pictures come as bytes, are drawn one after the other, the newest first of those that wait.
 
 import { element, say } from "../page/base/dom.js";
+import { pointIn } from "./navigate.js";
 import { seen } from "./server.js";
 
 const LABEL =
@@ -40,14 +41,5 @@ export function picture(onStep) {
     if (step !== null) onStep(step);
   }
 
-  // Where an event is in the picture, from its upper left corner, in 0 to 1; null beside it.
-  function pointOf(event) {
-    const box = canvas.getBoundingClientRect();
-    const scale = Math.min(box.width / canvas.width, box.height / canvas.height);
-    const x = 0.5 + (event.clientX - box.x - box.width / 2) / (scale * canvas.width);
-    const y = 0.5 + (event.clientY - box.y - box.height / 2) / (scale * canvas.height);
-    return x >= 0 && x <= 1 && y >= 0 && y <= 1 ? { x, y } : null;
-  }
-
-  return { root, show, pointOf };
+  return { root, show, pointOf: (event) => pointIn(canvas, event) };
 }

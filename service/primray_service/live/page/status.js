@@ -1,21 +1,7 @@
-// What the viewer is doing, in words with the share that is done, and the figures of the picture that is shown.
+// What the viewer is doing, and the figures of the picture that is shown.
 
 import { element, write } from "../page/base/dom.js";
-
-const PHASES = {
-  opening: "Opening",
-  drafting: "Drafting",
-  preparing: "Preparing",
-  rendering: "Refining",
-  finished: "Finished",
-  failed: "Failed",
-};
-const STEPS = {
-  translate: "translating the stage",
-  textures: "reading textures",
-  dice: "dicing surfaces",
-  build: "building the scene",
-};
+import { errorWords, phaseWords, shareOf, sizeWords, stepWords } from "./figures.js";
 
 export function status() {
   const phase = element("span", { class: "phase" });
@@ -26,30 +12,18 @@ export function status() {
   const root = element("p", { class: "numbers-line", id: "numbers" }, phase, share, numbers, error, speed);
 
   function show(state) {
-    write(phase, wordsOf(state));
+    write(phase, phaseWords(state));
     share.hidden = !state.doing;
     if (state.doing) share.value = shareOf(state.doing);
     if (!(state.picture > 0)) return;
-    const [width, height] = state.size;
-    write(numbers, `${width} × ${height}, ${Number(state.samples.toFixed(1))} samples a pixel, ${state.seconds} s`);
-    write(error, state.relmse ? `error (relMSE) ${brief(state.relmse[0])}, 95 %: ${brief(state.relmse[1])} to ${brief(state.relmse[2])}` : "error not known yet");
+    write(numbers, sizeWords(state));
+    write(error, errorWords(state));
   }
 
   // Shows how long a step took from the hand to the eye.
   function step(seconds) {
-    write(speed, `${seconds.toFixed(2)} s a step, ${(1 / Math.max(seconds, 1e-3)).toFixed(0)} a second`);
+    write(speed, stepWords(seconds));
   }
 
   return { root, show, step };
 }
-
-function wordsOf({ phase, doing }) {
-  const name = PHASES[phase] ?? phase;
-  if (!doing) return name;
-  const count = doing.all > 0 ? `, ${doing.done} of ${doing.all}` : "";
-  return `${name}: ${STEPS[doing.step] ?? doing.step}${count}`;
-}
-
-const shareOf = ({ number, of, done, all }) => (number - 1 + (all > 0 ? done / all : 0)) / of;
-
-const brief = (number) => (Number.isFinite(number) ? number.toPrecision(2) : "?");

@@ -8,7 +8,7 @@ import { lightPanel } from "./light_panel.js";
 import { lookPanel } from "./look_panel.js";
 import { navigate, watchKeys } from "./navigate.js";
 import { picture } from "./picture.js";
-import { onRefused, stage } from "./server.js";
+import { commands, onRefused, stage } from "./server.js";
 import { status } from "./status.js";
 import { takeAway } from "./take_away.js";
 
@@ -35,8 +35,8 @@ fill(
     element("div", { class: "right" }, panels.map((panel) => panel.root), takeAway().root, found.root),
   ),
 );
-navigate(looked);
-watchKeys(camera);
+navigate(looked, commands);
+watchKeys(document, commands, camera.play);
 onRefused((answer) => fill(refused, box(answer.title, answer.detail, "")));
 
 function show(state) {

@@ -1,8 +1,6 @@
 // The mouse and keys that move the camera: drags are sent as fractions of the picture's height. A drag turns about what is under
 // the mouse where it begins; a click names it.
 
-import { move, send } from "./server.js";
-
 const KEY_STEP = 0.05;
 const WHEEL_STEP = 0.0015; // for a pixel of a wheel
 const STILL_PIXELS = 3; // a mouse that goes no further clicks
@@ -11,13 +9,15 @@ const FLIGHTS = { w: ["ahead", 1], s: ["ahead", -1], d: ["across", 1], a: ["acro
 const FLIGHT_SPEED = 0.7; // parts of the distance to what is looked at, a second
 const FASTER = 4; // with Shift
 
-export function navigate({ root, pointOf }) {
-  watchMouse(root, pointOf);
-  watchMoves(root);
-  watchFlights(root);
+// `send` and `move` are a sender's (sender.js). `wheels(event)` says whether a turn of the wheel is meant for the camera.
+export function navigate({ root, pointOf }, { send, move }, wheels = () => true) {
+  watchMouse(root, pointOf, send, move);
+  root.addEventListener("wheel", (event) => wheels(event) && onWheel(event, move), { passive: false });
+  watchMoves(root, move);
+  watchFlights(root, move);
 }
 
-function watchMouse(root, pointOf) {
+function watchMouse(root, pointOf, send, move) {
   let drag = null;
 
   root.addEventListener("pointerdown", (event) => {
@@ -45,7 +45,6 @@ function watchMouse(root, pointOf) {
   });
   root.addEventListener("pointercancel", () => (drag = null));
   root.addEventListener("contextmenu", (event) => event.preventDefault());
-  root.addEventListener("wheel", onWheel, { passive: false });
 }
 
 function kindOf(event) {
@@ -53,13 +52,13 @@ function kindOf(event) {
   return event.altKey ? "look" : event.shiftKey ? "pan" : "tumble";
 }
 
-function onWheel(event) {
+function onWheel(event, move) {
   event.preventDefault();
   const pixels = event.deltaY * (event.deltaMode === 1 ? 16 : 1);
   move("dolly", { steps: -Math.max(-500, Math.min(500, pixels)) * WHEEL_STEP });
 }
 
-function watchMoves(root) {
+function watchMoves(root, move) {
   root.addEventListener("keydown", (event) => {
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     const nearer = { "+": 1, "=": 1, "-": -1 }[event.key];
@@ -72,7 +71,7 @@ function watchMoves(root) {
 }
 
 // A key that is held flies on, at a speed that does not depend on how often it repeats.
-function watchFlights(root) {
+function watchFlights(root, move) {
   const held = new Set();
   let fast = false;
   let before = 0;
@@ -105,13 +104,22 @@ function watchFlights(root) {
   root.addEventListener("blur", () => held.clear());
 }
 
-// These keys work wherever the focus is, except in controls for text and choices.
-export function watchKeys({ play }) {
-  document.addEventListener("keydown", (event) => {
+// These keys work wherever the focus is below `root`, except in controls for text and choices.
+export function watchKeys(root, { send }, play = () => {}) {
+  root.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest?.("input, select, textarea")) return;
     if (event.key === "f") send({ do: "frame" });
     if (event.key === "r") send({ do: "reset" });
     if (event.key === "p") play();
     if (event.key === "Escape") send({ do: "deselect" });
   });
+}
+
+// Where an event is in a canvas whose picture fits into its box, from its upper left corner, in 0 to 1; null beside it.
+export function pointIn(canvas, event) {
+  const box = canvas.getBoundingClientRect();
+  const scale = Math.min(box.width / canvas.width, box.height / canvas.height);
+  const x = 0.5 + (event.clientX - box.x - box.width / 2) / (scale * canvas.width);
+  const y = 0.5 + (event.clientY - box.y - box.height / 2) / (scale * canvas.height);
+  return x >= 0 && x <= 1 && y >= 0 && y <= 1 ? { x, y } : null;
 }
