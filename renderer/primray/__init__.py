@@ -137,8 +137,8 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
     def __getattr__(name):
         from importlib import import_module
 
-        if name == "dataset":  # a package, with names of its own
-            return import_module(f"{__name__}.dataset")
+        if name in ("dataset", "notebook"):  # packages, with names of their own
+            return import_module(f"{__name__}.{name}")
         if name not in _WHERE:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         return getattr(import_module(f"{__name__}.{_WHERE[name]}"), name)

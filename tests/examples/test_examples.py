@@ -13,7 +13,7 @@ import numpy as np
 import primray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
-ELSEWHERE = {"notebook.ipynb", "service_client.py", "shot.usda", "README.md"}
+ELSEWHERE = {"notebook.ipynb", "view.ipynb", "service_client.py", "shot.usda", "README.md"}
 
 
 def run(*command: object, cwd: Path, **variables: object) -> str:

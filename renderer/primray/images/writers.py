@@ -35,14 +35,14 @@ def write_parts_of(path: str, parts: Sequence[Part]) -> None:
         raise PrimrayError(f"the file cannot be written: {last_error(out)}", where=path, code="write-failed")
 
 
-def write_view(encoded: npt.NDArray[Any], path: str) -> None:
-    """Write display values (H, W, C) unchanged, 8 or 16 bits by their type."""
+def write_view(encoded: npt.NDArray[Any], path: str, quality: int = 95) -> None:
+    """Write display values (H, W, C) unchanged, 8 or 16 bits by their type; `quality` of formats that lose some, up to 100."""
     import OpenImageIO as oiio
 
     height, width, channels = encoded.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT16 if encoded.dtype == np.uint16 else oiio.UINT8)
     spec.attribute("oiio:UnassociatedAlpha", 1)
-    spec.attribute("CompressionQuality", 95)
+    spec.attribute("CompressionQuality", quality)
     write_parts_of(path, [(spec, encoded)])
 
 

@@ -55,6 +55,8 @@ DEFAULT_TIMES = {
     f"{USD}/skinning/bindings.py",  # values that are held as defaults by then
     f"{USD}/skinning/baking.py",  # likewise
 }
+WIDGETS = {"anywidget", "ipywidgets", "traitlets"}
+NOTEBOOK = "renderer/primray/notebook/view.py"
 MCP = f"{SERVICE}/agents/server.py"
 RAY = (f"{SERVICE}/executor/ray/driver", f"{SERVICE}/executor/ray/node")
 OBJECTS = {"fsspec", "s3fs", "boto3", "botocore"}
@@ -116,6 +118,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
                 yield "imports ray outside executor/ray/driver and executor/ray/node: the server has no Ray in its process"
             if root in OBJECTS and path != PurePosixPath(f"{SERVICE}/objects.py"):
                 yield f"imports {root} outside objects.py"
+            if root in WIDGETS and str(path) != NOTEBOOK:
+                yield f"imports {root} outside notebook/view.py"
             if root in ("mcp", "mcp_types") and str(path) != MCP:
                 yield "imports mcp outside agents/server.py"
             if root == "blosc" and str(path) != BLOSC:
