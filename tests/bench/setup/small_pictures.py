@@ -195,7 +195,7 @@ def config_of(folder: Path, **changes: Any) -> Config:
 
 
 def labels_alone(folder: Path) -> Config:
-    settings = {"resolution": [640, 480], "spp": 1, "aovs": ["depth", "normal", "position", "prim"]}
+    settings = {"resolution": [640, 480], "spp": 1, "max_depth": 1, "aovs": ["depth", "normal", "position", "prim"]}
     return config_of(folder, settings=settings, pictures=["npy"])
 
 
