@@ -90,3 +90,10 @@ EXPECTED: dict[str, dict[str, Expected]] = {
     },
     "hair": {"hair of particles": Expected(tolerance=0.01, each=0.06)},
 }
+
+# What other versions of Blender than 5.0 export otherwise.
+IN_VERSION: dict[str, dict[tuple[str, str], Expected]] = {"5.3": {("surfaces", "subsurface"): Expected(0.037, 0.015, 0.09)}}
+
+
+def expected_in(version: str, job: str, name: str) -> Expected:
+    return IN_VERSION.get(version, {}).get((job, name), EXPECTED[job][name])

@@ -105,7 +105,13 @@ def parts(file: str) -> dict[str, npt.NDArray[np.float32]]:
     found = {}
     for part in range(oiio.ImageBuf(file).nsubimages):
         names = oiio.ImageBuf(file, part, 0).spec().channelnames
-        found[names[0].split(".")[1]] = read(file, part)
+        pixels = read(file, part)
+        # Blender before 5.0 writes all passes into one part.
+        channels: dict[str, list[int]] = {}
+        for at, name in enumerate(names):
+            channels.setdefault(name.rsplit(".", 1)[0].split(".", 1)[1], []).append(at)
+        for name, places in channels.items():
+            found[name] = pixels[..., sorted(places, key=lambda at: "RGBAXYZ".index(names[at][-1].upper()))]
     return found
 
 

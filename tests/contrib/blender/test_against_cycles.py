@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from . import host
-from .expected import EXPECTED
+from .expected import EXPECTED, expected_in
 
 Rows = dict[str, dict[str, Any]]
 
@@ -47,7 +47,7 @@ def compare(rows: Rows, name: str) -> tuple[float, float, set[str]]:
 def test_beside_cycles(
     blender: str, job: str, name: str, jobs: dict[str, Rows], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    expected = EXPECTED[job][name]
+    expected = expected_in(blender, job, name)
     mean, each, codes = compare(rows_of(jobs, job, tmp_path_factory.mktemp(job)), name)
     assert abs(mean - expected.mean) <= expected.tolerance, f"mean off by {mean:+.4f}"
     assert each <= expected.each, f"pixels off by {each:.4f}"
