@@ -122,7 +122,8 @@ def turned(radius: float, height: float, around: int, bands: int) -> tuple[Any, 
     else:
         rings = [(radius * np.sin(np.pi * k / bands) + 1e-4, -radius * np.cos(np.pi * k / bands)) for k in range(bands + 1)]
     points = [(r * np.cos(a), r * np.sin(a), z) for r, z in rings for a in angles]
-    faces, st = [], []
+    faces: list[tuple[int, ...]] = []
+    st: list[list[tuple[float, float]]] = []
     for ring in range(len(rings) - 1):
         for k in range(around):
             after = (k + 1) % around
