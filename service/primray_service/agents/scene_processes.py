@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import shutil
 import signal
 import tempfile
@@ -77,6 +78,13 @@ class SceneProcess:
         shutil.rmtree(self.slot, ignore_errors=True)
 
 
+def _moved(file: Path, target: Path) -> None:
+    """Move a file that a process has written, by no link that it may have put there."""
+    with os.fdopen(os.open(file, os.O_RDONLY | os.O_NOFOLLOW), "rb") as source, target.open("wb") as copy:
+        shutil.copyfileobj(source, copy)
+    file.unlink()
+
+
 class SceneProcesses:
     """Belongs to the loop of the main thread: children die with the thread that starts them."""
 
@@ -106,8 +114,7 @@ class SceneProcesses:
                 async with process.turn:
                     found = await self._asked(scene, process, request, seconds)
                     if into is not None and "error" not in found:
-                        await asyncio.to_thread(shutil.copyfile, process.out / request["file"], into)
-                        (process.out / request["file"]).unlink()
+                        await asyncio.to_thread(_moved, process.out / request["file"], into)
             finally:
                 process.users -= 1
         finally:

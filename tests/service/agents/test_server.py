@@ -28,7 +28,7 @@ import mcp
 from mcp.client.stdio import StdioServerParameters, stdio_client
 
 from primray_service.agents import looks
-from primray_service.agents.scene_processes import SceneLimits, SceneProcesses
+from primray_service.agents.scene_processes import SceneLimits, SceneProcesses, _moved
 from primray_service.agents.server import Access, create_server
 
 from .conftest import STAGE, Answer, read
@@ -210,6 +210,14 @@ def test_scenes_that_were_not_used_longest_end_for_memory(folder: Path) -> None:
         await scenes.close()
 
     asyncio.run(calls())
+
+
+def test_a_link_that_a_process_writes_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text("secret")
+    (tmp_path / "render.exr").symlink_to(tmp_path / "secret")
+    with pytest.raises(OSError, match="symbolic"):
+        _moved(tmp_path / "render.exr", tmp_path / "copy.exr")
+    assert not (tmp_path / "copy.exr").exists()
 
 
 def test_tables_are_bounded() -> None:
