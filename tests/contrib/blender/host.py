@@ -111,7 +111,7 @@ def parts(file: str) -> dict[str, npt.NDArray[np.float32]]:
         for at, name in enumerate(names):
             channels.setdefault(name.rsplit(".", 1)[0].split(".", 1)[1], []).append(at)
         for name, places in channels.items():
-            found[name] = pixels[..., sorted(places, key=lambda at: "RGBAXYZ".index(names[at][-1].upper()))]
+            found[name] = pixels[..., sorted(places, key=lambda at: "RGBAXYZW".index(names[at][-1].upper()))]
     return found
 
 
