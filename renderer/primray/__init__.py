@@ -17,7 +17,19 @@ from .compare import compare
 from .errors import PrimrayError
 from .lens.diffusion import Diffusion
 from .render import render
-from .settings import AutoCamera, DefaultWrap, Eye, Filter, Ground, Metric, RenderContext, RenderSettings, StopAt, StudioLight
+from .settings import (
+    AutoCamera,
+    DefaultWrap,
+    Eye,
+    Filter,
+    Ground,
+    Metric,
+    Panorama,
+    RenderContext,
+    RenderSettings,
+    StopAt,
+    StudioLight,
+)
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -65,6 +77,7 @@ __all__ = [
     "LocalProcesses",
     "MachineCheck",
     "Metric",
+    "Panorama",
     "PixelLog",
     "PrimrayError",
     "Product",

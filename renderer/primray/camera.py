@@ -13,7 +13,7 @@ import numpy.typing as npt
 from .arrays import Doubles
 from .errors import SettingsError
 from .lens.diffusion import NO_DIFFUSION, Diffusion, diffusion_of
-from .lens.distortion import Distortion, DistortionModel, distortion_as_json, distortion_of
+from .lens.distortion import CUBE_FACES, Distortion, DistortionModel, distortion_as_json, distortion_of
 
 FARTHEST = float(np.finfo(np.float32).max)  # far plane of a camera that clips nothing
 RATIONAL_COUNTS = (0, 4, 5, 8, 12)  # of OpenCV's coefficients; its 14 tilt the sensor
@@ -165,17 +165,35 @@ class Camera:
     def intrinsics(self, resolution: tuple[int, int], *, half_pixels: bool = False) -> Doubles:
         """Return the intrinsic matrix K (3, 3) of pictures of `resolution` (width, height), as from_intrinsics takes it.
 
-        SettingsError: an orthographic camera, which has none. What K does not say (distortion, blur) is left out.
+        SettingsError: an orthographic camera or a panorama, which have none. What K lacks (distortion, blur) is left out.
 
         >>> primray.Camera.from_field_of_view(90.0, (200, 100)).intrinsics((200, 100)).tolist()
         [[100.0, 0.0, 99.5], [0.0, 100.0, 49.5], [0.0, 0.0, 1.0]]
         """
         if self.projection is not Projection.PERSPECTIVE:
             raise SettingsError("an orthographic camera has no intrinsic matrix", where="camera")
+        if self.is_panorama:
+            raise SettingsError("a panorama has no intrinsic matrix", where="camera")
         left, right, bottom, top = self.window
         fx, fy = resolution[0] / (right - left), resolution[1] / (top - bottom)
         half = 0.0 if half_pixels else 0.5
         return np.array([[fx, 0.0, -left * fx - half], [0.0, fy, top * fy - half], [0.0, 0.0, 1.0]])
+
+    @property
+    def is_panorama(self) -> bool:
+        """Whether the picture is equirectangular or a cube's faces."""
+        return self.distortion is not None and self.distortion.model in (DistortionModel.LAT_LONG, DistortionModel.CUBE)
+
+    @property
+    def environment_map(self) -> str:
+        """What OpenImageIO calls the picture as an environment map of OpenEXR: all around, or a column of faces."""
+        if self.distortion is None:
+            return ""
+        if self.distortion.model is DistortionModel.CUBE:
+            return "CubeFace Environment" if self.distortion.coefficients[0] == 1 else ""
+        is_whole = bool(np.allclose(self.window, (-np.pi, np.pi, -np.pi / 2, np.pi / 2)))
+        is_lat_long = self.distortion.model is DistortionModel.LAT_LONG and not self.distortion.has_eyes
+        return "LatLong Environment" if is_lat_long and is_whole else ""
 
     @property
     def opengl_camera_from_world(self) -> Doubles:
@@ -213,17 +231,94 @@ class Camera:
             ]
         return np.array(rows, np.float64)
 
-    def project(self, points: npt.ArrayLike, resolution: tuple[int, int]) -> Doubles:
+    @staticmethod
+    def lat_long(
+        world_from_camera: npt.ArrayLike | None = None,
+        *,
+        span_deg: tuple[float, float] = (360.0, 180.0),
+        eye_distance: float = 0.0,
+        side_by_side: bool = False,
+        clipping_range: tuple[float, float] = (0.0, FARTHEST),
+    ) -> Camera:
+        """Return a camera that sees all around, in an equirectangular picture: columns are longitudes, rows latitudes.
+
+        The middle looks along -Z, the upper row is +Y, the right half +X: u = 0.5 + atan2(x, -z) / 2 pi, v = 0.5 - asin(y) / pi
+        of a unit direction, from the upper left. `span_deg` is the extent in longitude and latitude; (180, 180) is the half in
+        front. With an `eye_distance` in scene units (people's is 0.064 m) two eyes see, each on a circle across the direction
+        that it looks in, and both in its middle at the poles (omni-directional stereo): the left eye's picture is above the
+        right one's or, `side_by_side`, left of it. Pixels take the window's shape: 2:1 pictures have square ones, those of two
+        eyes above each other 1:1.
+
+        SettingsError: a span that is not above 0, or above (360, 180); an eye distance below 0.
+
+        >>> primray.Camera.lat_long().project([[0, 0, -1], [1, 0, 0], [0, 1, 0]], (360, 180)).round(6).tolist()
+        [[180.0, 90.0], [270.0, 90.0], [180.0, 0.0]]
+        """
+        across, up = span_deg
+        if not (0 < across <= 360 and 0 < up <= 180 and 0 <= eye_distance < np.inf):
+            raise SettingsError("a span is up to 360 by 180 degrees, and an eye distance 0 or more", where="camera")
+        x, y = float(np.radians(across)) / 2, float(np.radians(up)) / 2
+        half = x if side_by_side else y
+        distortion = Distortion(DistortionModel.LAT_LONG, (float(eye_distance), float(side_by_side), half))
+        if eye_distance:
+            x, y = (2 * x, y) if side_by_side else (x, 2 * y)
+        return _around(world_from_camera, (-x, x, -y, y), distortion, clipping_range)
+
+    @staticmethod
+    def cube(
+        world_from_camera: npt.ArrayLike | None = None,
+        *,
+        columns: int = 1,
+        clipping_range: tuple[float, float] = (0.0, FARTHEST),
+    ) -> Camera:
+        """Return a camera that sees all around, in the six faces of a cube in one picture: +X, -X, +Y, -Y, +Z, -Z of its space.
+
+        Faces are seen from within, +Y up; +Y's up is +Z, -Y's is -Z: as OpenEXR has them in a column. `columns` is 1, 2, 3 or
+        6, faces row by row; `cube_face` is the camera of one face. A pixel filter wider than a pixel mixes faces at borders.
+
+        SettingsError: another number of columns.
+
+        >>> primray.Camera.cube().project([[1, 0, 0], [0, 0, -1]], (10, 60)).tolist()
+        [[5.0, 5.0], [5.0, 55.0]]
+        """
+        if columns not in (1, 2, 3, 6):
+            raise SettingsError(f"a cube's faces are in 1, 2, 3 or 6 columns, not {columns}", where="camera")
+        window = (0.0, float(columns), -6.0 / columns, 0.0)
+        return _around(world_from_camera, window, Distortion(DistortionModel.CUBE, (float(columns),)), clipping_range)
+
+    def cube_face(self, name: str) -> Camera:
+        """Return the pinhole camera of one face of a cube camera's picture: "+X", "-X", "+Y", "-Y", "+Z" or "-Z" of its space.
+
+        Its `world_from_camera` is the face's matrix.
+
+        >>> primray.Camera.cube().cube_face("+X").world_from_camera[:3, :3].tolist()
+        [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]
+        """
+        if name not in CUBE_FACES:
+            raise SettingsError(f"a cube has the faces {', '.join(CUBE_FACES)}, not {name!r}", where="camera")
+        right, up = (np.array(axis) for axis in CUBE_FACES[name])
+        turn = np.eye(4)
+        turn[:3, :3] = np.stack([right, up, np.cross(right, up)], axis=1) + 0.0
+        return replace(
+            self,
+            world_from_camera=np.asarray(self.world_from_camera, np.float64) @ turn,
+            window=(-1.0, 1.0, -1.0, 1.0),
+            distortion=None,
+            pixels_follow_window=False,
+        )
+
+    def project(self, points: npt.ArrayLike, resolution: tuple[int, int], *, right_eye: bool = False) -> Doubles:
         """Return pixel positions (N, 2), x right and y down from the upper left corner, of world `points` (N, 3).
 
-        NaN for points behind a perspective camera, or that a lens with distortion does not see.
+        NaN for points behind a perspective camera, or that a lens with distortion does not see. In a picture of two eyes they
+        are in the left eye's half or, `right_eye`, in the right one's.
         """
         p = np.atleast_2d(np.asarray(points, np.float64))
         camera_from_world = np.linalg.inv(self.world_from_camera)
         q = p @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
         xy = q[:, :2].copy()
         if self.distortion is not None and self.projection is Projection.PERSPECTIVE:
-            xy = self.distortion.project(q)
+            xy = self.distortion.project(q, right_eye=right_eye)
         elif self.projection is Projection.PERSPECTIVE:
             depth = np.where(q[:, 2] < 0, -q[:, 2], np.nan)
             xy /= depth[:, None]
@@ -250,6 +345,24 @@ def looking_at(eye: npt.ArrayLike, target: npt.ArrayLike, up: npt.ArrayLike = (0
     matrix = np.eye(4)
     matrix[:3] = np.stack([right, np.cross(backward, right), backward, place], axis=1)
     return matrix
+
+
+def _around(
+    world_from_camera: npt.ArrayLike | None,
+    window: tuple[float, float, float, float],
+    distortion: Distortion,
+    clipping_range: tuple[float, float],
+) -> Camera:
+    """Return a camera that sees all around."""
+    return Camera(
+        path="",
+        world_from_camera=np.eye(4) if world_from_camera is None else _matrix(world_from_camera, (4, 4), "world_from_camera"),
+        projection=Projection.PERSPECTIVE,
+        window=window,
+        clipping_range=clipping_range,
+        distortion=distortion,
+        pixels_follow_window=True,
+    )
 
 
 def _matrix(values: npt.ArrayLike, shape: tuple[int, int], what: str) -> Doubles:

@@ -23,11 +23,13 @@ namespace primray {
 namespace {
 
 DistortionModel model_of(std::string_view name) {
-  constexpr std::array<std::pair<std::string_view, DistortionModel>, 4> kModels{{
+  constexpr std::array<std::pair<std::string_view, DistortionModel>, 6> kModels{{
       {"rational", DistortionModel::kRational},
       {"angle-to-radius", DistortionModel::kAngleToRadius},
       {"radius-to-angle", DistortionModel::kRadiusToAngle},
       {"table", DistortionModel::kTable},
+      {"lat-long", DistortionModel::kLatLong},
+      {"cube", DistortionModel::kCube},
   }};
   for (const auto& [known, model] : kModels)
     if (known == name) return model;
@@ -44,6 +46,7 @@ void SceneBuilder::set_distortion(const DistortionInput& input) {
   made->model = model_of(input.model);
   std::copy_n(input.coefficients.begin(), std::min(input.coefficients.size(), size_t(Distortion::kCoefficients)), made->k);
   made->most_angle = input.most_angle;
+  if (made->model == DistortionModel::kLatLong) made->k[0] *= scene_->scale;
   const double* w = input.table_window;
   made->table = {input.table_columns,
                  input.table_rows,

@@ -208,22 +208,27 @@ struct Camera {
   // Computes directions one lane at a time.
   template <int W>
   PRIMRAY_RARE CameraRay<W> distorted_ray(vfloat<W> fx, vfloat<W> fy, vfloat<W> lens0, vfloat<W> lens1) const {
-    alignas(64) float rows[4][W];
+    alignas(64) float rows[4][W], eyes[3][W] = {};
     for (int i = 0; i < W; ++i) {
-      const std::optional<dvec3> d = direction(fx[i], fy[i]);
+      const dvec3 film = film_point(fx[i], fy[i]);
+      const std::optional<dvec3> d = distortion->direction(film.x, film.y);
       const dvec3 ahead = d.value_or(dvec3{0, 0, -1});
       rows[0][i] = float(ahead.x), rows[1][i] = float(ahead.y), rows[2][i] = float(ahead.z), rows[3][i] = d ? 1.0f : 0.0f;
+      if (!distortion->has_eyes()) continue;
+      const dvec3 eye = distortion->eye(film.x, film.y);
+      eyes[0][i] = float(eye.x), eyes[1][i] = float(eye.y), eyes[2][i] = float(eye.z);
     }
-    const vvec3<W> o(vfloat<W>(0.0f)), d(load<W>(rows[0]), load<W>(rows[1]), load<W>(rows[2]));
+    const vvec3<W> o(load<W>(eyes[0]), load<W>(eyes[1]), load<W>(eyes[2])),
+        d(load<W>(rows[0]), load<W>(rows[1]), load<W>(rows[2]));
     CameraRay<W> ray = ray_along(o, d, lens0, lens1);
     const vbool<W> exists = load<W>(rows[3]) > vfloat<W>(0.0f);
     ray.tnear = select(exists, ray.tnear, vfloat<W>(0.0f)), ray.tfar = select(exists, ray.tfar, vfloat<W>(-1.0f));
     return ray;
   }
-  // Direction of a point of the film, in pixels, through a distorting lens.
-  std::optional<dvec3> direction(double fx, double fy) const {
+  // Film point (x, y, 0) of a distorting lens, of a point in pixels.
+  dvec3 film_point(double fx, double fy) const {
     const ExactWindow& w = window;
-    return distortion->direction(w.left + fx * ((w.right - w.left) / width), w.top - fy * ((w.top - w.bottom) / height));
+    return {w.left + fx * ((w.right - w.left) / width), w.top - fy * ((w.top - w.bottom) / height), 0};
   }
 
   // One lane at a time, each with its own camera.

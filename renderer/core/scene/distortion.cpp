@@ -36,6 +36,35 @@ SinCos1 sincos_of(double angle) {
   return {s, c};
 }
 
+// Sine and cosine of any angle.
+SinCos1 sincos_around(double angle) {
+  const double turns = std::floor(std::fabs(angle) / (2 * kPi)), t = std::fabs(angle) - turns * (2 * kPi);
+  const bool is_beyond = t > kPi;
+  const SinCos1 a = sincos_of(is_beyond ? 2 * kPi - t : t);
+  return {(angle < 0) != is_beyond ? -a.sin : a.sin, a.cos};
+}
+
+// Direction of a point of a cube's face, u to the right and v up from -1 to 1, seen from within as OpenEXR has them
+// (ImfEnvmap).
+dvec3 cube_direction(int face, double u, double v) {
+  switch (face) {
+    case 0:
+      return {1, v, u};
+    case 1:
+      return {-1, v, -u};
+    case 2:
+      return {u, 1, v};
+    case 3:
+      return {u, -1, -v};
+    case 4:
+      return {-u, v, 1};
+    default:
+      return {u, v, -1};
+  }
+}
+
+constexpr int kFaces = 6;
+
 // Returns the first x in (0, end] where `slope` is no longer above 0; `end` if there is none.
 template <class Slope>
 double first_turn(double end, const Slope& slope) {
@@ -159,6 +188,8 @@ void Distortion::limit() {
       return;
     }
     case DistortionModel::kTable:
+    case DistortionModel::kLatLong:
+    case DistortionModel::kCube:
       most_inside = most_radius = std::numeric_limits<double>::infinity();
   }
 }
@@ -219,7 +250,47 @@ std::optional<dvec3> DirectionTable::at(double x, double y) const {
   return size > 0 ? std::optional(sum * (1 / size)) : std::nullopt;
 }
 
+Distortion::Angles Distortion::angles(double x, double y) const {
+  if (!has_eyes()) return {x, y, 0};
+  if (k[1] == 2) return {x, y, k[2] < 0 ? -1.0 : 1.0};
+  if (k[1] != 0) return {x < 0 ? x + k[2] : x - k[2], y, x < 0 ? -1.0 : 1.0};
+  return {x, y >= 0 ? y - k[2] : y + k[2], y >= 0 ? -1.0 : 1.0};
+}
+
+// Eyes are on a circle, across the direction's longitude, and come together towards the poles.
+dvec3 Distortion::eye(double x, double y) const {
+  const Angles a = angles(x, y);
+  const double aside = 0.5 * k[0] * a.side * std::max(sincos_around(a.latitude).cos, 0.0);
+  const SinCos1 longitude = sincos_around(a.longitude);
+  return {longitude.cos * aside, 0, longitude.sin * aside};
+}
+
+std::optional<dvec3> Distortion::lat_long_point(const dvec3& d, const dvec3& near) const {
+  const double h = std::sqrt(d.x * d.x + d.z * d.z);
+  double longitude = std::atan2(d.x, -d.z), latitude = std::atan2(d.y, h);
+  if (!has_eyes()) return dvec3{longitude, latitude, 0};
+  const double side = angles(near.x, near.y).side, around = longitude;
+  for (int i = 0; i < kIterations; ++i) {
+    const double aside = 0.5 * k[0] * side * std::max(std::cos(latitude), 0.0);
+    if (!(std::fabs(aside) <= h)) return std::nullopt;
+    longitude = around - std::asin(h > 0 ? aside / h : 0), latitude = std::atan2(d.y, std::sqrt(h * h - aside * aside));
+  }
+  if (std::fabs(longitude) > kPi) longitude -= std::copysign(2 * kPi, longitude);
+  if (k[1] == 2) return dvec3{longitude, latitude, 0};
+  return k[1] != 0 ? dvec3{longitude + side * k[2], latitude, 0} : dvec3{longitude, latitude - side * k[2], 0};
+}
+
 std::optional<dvec3> Distortion::direction(double x, double y) const {
+  if (model == DistortionModel::kLatLong) {
+    const Angles a = angles(x, y);
+    const SinCos1 up = sincos_around(a.latitude), around = sincos_around(a.longitude);
+    return dvec3{around.sin * up.cos, up.sin, -around.cos * up.cos};
+  }
+  if (model == DistortionModel::kCube) {
+    const int columns = int(k[0]), column = int(std::floor(x)), row = int(std::floor(-y)), face = row * columns + column;
+    if (column < 0 || column >= columns || row < 0 || face >= kFaces) return std::nullopt;
+    return normalize(cube_direction(face, 2 * (x - column) - 1, 2 * (y + row) + 1));
+  }
   if (model == DistortionModel::kRational) return undistorted(x, y);
   if (model == DistortionModel::kTable) {
     const std::optional<dvec3> d = table.at(x, y);
@@ -262,6 +333,17 @@ std::optional<dvec3> Distortion::searched(const dvec3& d, dvec3 from) const {
 
 std::optional<dvec3> Distortion::film_point(const dvec3& d, const dvec3& near) const {
   if (model == DistortionModel::kTable) return searched(normalize(d), near);
+  if (model == DistortionModel::kLatLong) return lat_long_point(d, near);
+  if (model == DistortionModel::kCube) {
+    const double x = std::fabs(d.x), y = std::fabs(d.y), z = std::fabs(d.z), most = std::max({x, y, z});
+    if (!(most > 0)) return std::nullopt;
+    const int axis = x == most ? 0 : y == most ? 1 : 2, face = 2 * axis + ((axis == 0 ? d.x : axis == 1 ? d.y : d.z) < 0);
+    // The rows of a face's (u, v) are those of its directions.
+    const dvec3 right = cube_direction(face, 1, 0) - cube_direction(face, 0, 0);
+    const dvec3 up = cube_direction(face, 0, 1) - cube_direction(face, 0, 0);
+    const int columns = int(k[0]);
+    return dvec3{face % columns + 0.5 + 0.5 * dot(d, right) / most, -(face / columns) - 0.5 + 0.5 * dot(d, up) / most, 0};
+  }
   if (model == DistortionModel::kRational) {
     const double x = d.x / -d.z, y = d.y / d.z;
     if (!(d.z < 0 && x * x + y * y <= most_inside * most_inside)) return std::nullopt;

@@ -14,6 +14,11 @@ enum class DistortionModel {
   kAngleToRadius,  // radius on the film = k0 a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9 for the angle a to the axis
   kRadiusToAngle,  // angle to the axis = k0 + k1 r + k2 r^2 + k3 r^3 + k4 r^4 for the radius r on the film
   kTable,          // directions, linear between texels
+  // x is the longitude, y the latitude, in radians. k0: distance of two eyes, 0 for one. k1: 0 if their pictures are above each
+  // other, 1 if they are side by side, the left eye's first; k2 is half the extent of one of them in that direction. k1 2: one
+  // of the eyes alone, the left one if k2 is below 0.
+  kLatLong,
+  kCube,  // squares of width 1, right and down from (0, 0): +X, -X, +Y, -Y, +Z, -Z; k0: columns
 };
 
 // Directions at the centres of texels, the first at the upper left: three floats each, NaN outside the field of view.
@@ -44,14 +49,26 @@ struct Distortion {
   // Direction of the film point (x, y): unit length if on_spheres(), otherwise with z = -1. None outside the field of view.
   std::optional<dvec3> direction(double x, double y) const;
 
-  // Film point (x, y, 0) of a direction of any length; none if the lens does not see it. `near`: film point at which the search
-  // in a table begins.
+  // Whether rays of different film points come from different places: those of two eyes on a circle (Google 2015, "Rendering
+  // Omni-directional Stereo Content").
+  bool has_eyes() const { return model == DistortionModel::kLatLong && k[0] != 0; }
+  // Place in camera space from which the film point (x, y) is seen.
+  dvec3 eye(double x, double y) const;
+
+  // Film point (x, y, 0) of a direction of any length; none if the lens does not see it. With two eyes `d` is a position, and
+  // the film point is in the picture in which `near` is. `near`: film point at which the search in a table begins.
   std::optional<dvec3> film_point(const dvec3& d, const dvec3& near) const;
 
   // Smallest spacing of directions in this window, relative to the film's middle: 1 or less.
   double finest(double left, double right, double bottom, double top) const;
 
  private:
+  struct Angles {
+    double longitude, latitude;
+    double side;  // of the eye: -1 left, 1 right, 0 one eye
+  };
+  Angles angles(double x, double y) const;
+  std::optional<dvec3> lat_long_point(const dvec3& d, const dvec3& near) const;
   std::optional<dvec3> undistorted(double x, double y) const;
   double radial(double r) const;
   double radial_slope(double r) const;

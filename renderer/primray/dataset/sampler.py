@@ -140,7 +140,7 @@ class Sampler:
     def _record(self, index: int, image: Image, drawn: dict[str, Any]) -> dict[str, Any]:
         report, camera = image.report, image.camera
         assert camera is not None
-        pinhole = camera.projection is Projection.PERSPECTIVE
+        pinhole = camera.projection is Projection.PERSPECTIVE and not camera.is_panorama
         told = {(row["severity"], row["code"], row["prim_path"]) for row in report["diagnostics"] if row["severity"] != "info"}
         return {
             "index": index,

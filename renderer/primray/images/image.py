@@ -563,4 +563,6 @@ def _picture_part(image: Image) -> tuple[Any, Values]:
         spec.attribute("worldtocamera", oiio.TypeMatrix, row_vector_floats(camera_matrix))
         if image.camera.distortion is None:  # no matrix describes a distorted projection
             spec.attribute("worldtoNDC", oiio.TypeMatrix, row_vector_floats(ndc_matrix))
+        if image.camera.environment_map and image.frame is not None and image.frame.is_whole:
+            spec.attribute("textureformat", image.camera.environment_map)  # OpenEXR's envmap
     return spec, values

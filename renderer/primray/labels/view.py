@@ -88,7 +88,7 @@ def _seen_of(prepared: Prepared, parts: PartNames) -> Seen:
 def _camera_facts(prepared: Prepared) -> dict[str, Any]:
     camera = prepared.camera
     world, ndc = exr_matrices(camera)
-    is_perspective = camera.projection is Projection.PERSPECTIVE
+    is_perspective = camera.projection is Projection.PERSPECTIVE and not camera.is_panorama
     return {
         "path": camera.path,
         "world_from_camera": camera.world_from_camera.tolist(),

@@ -31,6 +31,11 @@ class DistortionModel(Enum):
     k2 a^5 + k3 a^7 + k4 a^9 of the angle to the axis. RADIUS_TO_ANGLE: the angle is k0 + k1 r + k2 r^2 + k3 r^3 + k4 r^4 of the
     radius. TABLE: directions.
 
+    LAT_LONG: the film point is the longitude and the latitude in radians. k0 is the distance of two eyes in scene units, 0 for
+    one. k1 is 0 where the left eye's picture is above the right one's, 1 where it is left of it; k2 is half the extent of one
+    of them in that direction. k1 2 is one of the eyes alone, the left one if k2 is -1. CUBE: faces +X -X +Y -Y +Z -Z of width
+    1, in k0 columns, from (0, 0) right and down.
+
     >>> primray.DistortionModel("rational")
     <DistortionModel.RATIONAL: 'rational'>
     """
@@ -39,6 +44,8 @@ class DistortionModel(Enum):
     ANGLE_TO_RADIUS = "angle-to-radius"
     RADIUS_TO_ANGLE = "radius-to-angle"
     TABLE = "table"
+    LAT_LONG = "lat-long"
+    CUBE = "cube"
 
 
 COEFFICIENT_COUNTS = {
@@ -46,6 +53,17 @@ COEFFICIENT_COUNTS = {
     DistortionModel.ANGLE_TO_RADIUS: 5,
     DistortionModel.RADIUS_TO_ANGLE: 5,
     DistortionModel.TABLE: 0,
+    DistortionModel.LAT_LONG: 3,
+    DistortionModel.CUBE: 1,
+}
+# Each face's right and up in camera space, seen from within, as OpenEXR has them (ImfEnvmap), in one column.
+CUBE_FACES = {
+    "+X": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+    "-X": ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+    "+Y": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "-Y": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
+    "+Z": ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "-Z": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
 }
 
 
@@ -90,19 +108,61 @@ class Distortion:
     most_angle_deg: float = 180.0
     table: DirectionTable | None = None  # for the model TABLE
 
-    def project(self, directions: Any) -> Doubles:
-        """Return film points (N, 2) of directions (N, 3) of any length; NaN for directions that the lens does not see."""
+    @property
+    def has_eyes(self) -> bool:
+        """Whether two eyes see, each from its own side: a film point then is of a position, not of a direction alone."""
+        return self.model is DistortionModel.LAT_LONG and self.coefficients[0] != 0
+
+    def project(self, directions: Any, *, right_eye: bool = False) -> Doubles:
+        """Return film points (N, 2) of directions (N, 3) of any length; NaN for directions that the lens does not see.
+
+        Where two eyes see, `directions` are positions in camera space, and the points are in the left eye's picture, or in the
+        right one's.
+        """
         d = np.atleast_2d(np.asarray(directions, np.float64))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             if self.model is DistortionModel.RATIONAL:
                 return self._rational(d)
             if self.model is DistortionModel.TABLE:
                 return self._looked_up(d)
+            if self.model is DistortionModel.LAT_LONG:
+                return self._lat_long(d, 1.0 if right_eye else -1.0)
+            if self.model is DistortionModel.CUBE:
+                return self._on_cube(d)
             across = np.hypot(d[:, 0], d[:, 1])
             radius = self._radius(np.arctan2(across, -d[:, 2]))
             return np.asarray(
                 np.where(across > 0, radius / across, np.where(np.isnan(radius), np.nan, 0.0))[:, None] * d[:, :2]
             )
+
+    def _lat_long(self, d: Doubles, side: float) -> Doubles:
+        """Return longitude and latitude; with two eyes, those in which the eye on that side sees a position."""
+        distance, side_by_side, half = self.coefficients
+        across = np.hypot(d[:, 0], d[:, 2])
+        around = longitude = np.arctan2(d[:, 0], -d[:, 2])
+        latitude = np.arctan2(d[:, 1], across)
+        if not self.has_eyes:
+            return np.stack([longitude, latitude], axis=1)
+        if side_by_side == 2:
+            side = -1.0 if half < 0 else 1.0
+        for _ in range(HALVINGS):
+            aside = 0.5 * distance * side * np.maximum(np.cos(latitude), 0.0)
+            longitude = around - np.arcsin(aside / across)  # NaN within the circle of the eyes
+            latitude = np.arctan2(d[:, 1], np.sqrt(across**2 - aside**2))
+        longitude = np.remainder(longitude + np.pi, 2 * np.pi) - np.pi
+        if side_by_side == 2:
+            return np.stack([longitude, latitude], axis=1)
+        shift = (side * half, 0.0) if side_by_side else (0.0, -side * half)
+        return np.stack([longitude, latitude], axis=1) + shift
+
+    def _on_cube(self, d: Doubles) -> Doubles:
+        axis = np.abs(d).argmax(axis=1)
+        largest = d[np.arange(len(d)), axis]
+        face = 2 * axis + (largest < 0)
+        right, up = (np.array([vectors[k] for vectors in CUBE_FACES.values()])[face] for k in (0, 1))
+        u, v = ((d * along).sum(axis=1) / np.abs(largest) for along in (right, up))
+        row, column = np.divmod(face, int(self.coefficients[0]))
+        return np.stack([column + 0.5 + 0.5 * u, -row - 0.5 + 0.5 * v], axis=1)
 
     def _radius(self, angle: Doubles) -> Doubles:
         k, most = self.coefficients, np.radians(min(self.most_angle_deg, 180.0))

@@ -78,6 +78,26 @@ class Eye(Enum):
     RIGHT = "right"
 
 
+class Panorama(Enum):
+    """A picture of all that is around the camera, or of the half in front of it (180): equirectangular, of one eye or two, or a
+    cube's faces in columns.
+
+    >>> primray.RenderSettings(panorama="cube").panorama
+    <Panorama.CUBE: 'cube'>
+    """
+
+    LAT_LONG = "lat-long"
+    LAT_LONG_180 = "lat-long-180"
+    STEREO = "stereo"
+    STEREO_180 = "stereo-180"
+    STEREO_SIDE_BY_SIDE = "stereo-side-by-side"
+    STEREO_180_SIDE_BY_SIDE = "stereo-180-side-by-side"
+    CUBE = "cube"
+    CUBE_2 = "cube-2"
+    CUBE_3 = "cube-3"
+    CUBE_6 = "cube-6"
+
+
 class AutoCamera(Enum):
     """The automatic view of a stage without a camera: three-quarter from above, or usdrecord's, from the front.
 

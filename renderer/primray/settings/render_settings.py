@@ -32,6 +32,7 @@ from .choices import (
     Filter,
     Ground,
     Metric,
+    Panorama,
     RenderContext,
     StopAt,
     StudioLight,
@@ -194,6 +195,20 @@ class RenderSettings:
         counts=Counts.SCENE,
         flag=Flag(("--auto-camera",), "View of a stage without cameras: three-quarter from above, or usdrecord's."),
         member=Member("Camera for stages without one: a three-quarter view from above, or usdrecord's."),
+    )
+    # All around the camera, which keeps its place; None: what the camera sees. Two eyes are 64 mm apart (Camera.lat_long).
+    panorama: Panorama | None = setting(
+        None,
+        choice(Panorama),
+        counts=Counts.SCENE,
+        seldom=True,
+        flag=Flag(
+            ("--panorama",),
+            "All around the camera: equirectangular, of one eye or two (stereo: left above right), or a cube's faces.",
+            shown="what the camera sees",
+            commands=OPENING - {"view"},
+        ),
+        member=Member("A picture of all that is around the camera; null: what the camera sees."),
     )
     # Prim path; None: the prim that the stage's metadata name, else its only RenderSettings.
     render_settings: str | None = setting(

@@ -64,6 +64,7 @@ def test_prims_stand_for_their_paths() -> None:
 NONSENSE: dict[str, list[Any]] = {
     "camera": [3, [[1]], np.eye(3), np.diag([2.0, 2, 2, 1]), np.diag([-1.0, 1, 1, 1]), np.full((4, 4), np.nan)],
     "auto_camera": ["front", None, 1],
+    "panorama": ["globe", 1],
     "render_settings": [3],
     "render_pass": [3],
     "product": [b"/p"],

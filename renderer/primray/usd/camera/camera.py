@@ -161,7 +161,8 @@ def window_of(aperture: Aperture, scale: float) -> tuple[float, float, float, fl
 
 def _sensor_window(sensor: Sensor, resolution: tuple[int, int], product: ProductSettings) -> tuple[float, float, float, float]:
     """Return the conformed sensor's window: pixels over the focal length, which may differ in x and y."""
-    left, right, bottom, top = window_of(conform(_sensor_aperture(sensor), resolution, product), 1.0)
+    aperture = _sensor_aperture(sensor)
+    left, right, bottom, top = window_of(aperture if sensor.fills_frame else conform(aperture, resolution, product), 1.0)
     across, down = sensor.focal
     return left / across, right / across, bottom / down, top / down
 

@@ -39,6 +39,20 @@ NO_MODEL = ("", "none", "pinhole")
 # Older Omniverse cameras have these attributes without a schema; their polynomial is ftheta's, with its defaults.
 PROJECTION = "cameraProjectionType"
 POLYNOMIAL = "fisheyePolynomial"
+SPHERICAL = "fisheyeSpherical"
+STEREO = "omniDirectionalStereo"
+_OLD_KANNALA_BRANDT, _OLD_THIN_PRISM = "fisheyeKannalaBrandtK3", "fisheyeRadTanThinPrism"
+# sin x for x up to a right angle, by odd powers; to 6e-9.
+SINE = (0.9999999804869029, -0.16666646567229063, 0.008332859672361128, -0.0001979788797810233, 2.5840157831988485e-06)
+# Radius on the film by the angle to the axis, in focal lengths, and the largest angle in degrees: sin a, a, 2 sin(a / 2).
+_BY_ANGLE = {
+    "fisheyeOrthographic": (SINE, 90.0),
+    "fisheyeEquidistant": ((1.0, 0.0, 0.0, 0.0, 0.0), 180.0),
+    "fisheyeEquisolid": (tuple(c / 4**power for power, c in enumerate(SINE)), 180.0),
+}
+OLDER = (POLYNOMIAL, SPHERICAL, STEREO, _OLD_KANNALA_BRANDT, _OLD_THIN_PRISM, *_BY_ANGLE)
+EYE_DISTANCE, IS_LEFT_EYE = "interpupillaryDistance", "isLeftEye"
+EYES_APART = 6.4  # the default, in centimetres
 _OF_POLYNOMIAL = {
     "nominalWidth": "fthetaWidth",
     "nominalHeight": "fthetaHeight",
@@ -57,6 +71,7 @@ class Sensor:
     center: tuple[float, float]  # the optical axis, from the upper left corner
     focal: tuple[float, float]  # pixels per unit of film, x and y
     distortion: Distortion
+    fills_frame: bool = False  # whatever the picture's aspect ratio is
 
 
 class _UnusableDistortion(Exception):
@@ -118,11 +133,11 @@ class _Attributes:
         return min(self.above_0("maxFov", default) / 2, 180.0)
 
 
-class _PolynomialAttributes(_Attributes):
-    """Reader for the attributes of a camera whose cameraProjectionType is fisheyePolynomial."""
+class _OlderAttributes(_Attributes):
+    """Reader for the attributes of a camera with a cameraProjectionType."""
 
     def name(self, short: str) -> str:
-        return _OF_POLYNOMIAL[short]
+        return _OF_POLYNOMIAL.get(short, short)
 
     def pair(self, short: str, default: tuple[float, float]) -> tuple[float, float]:
         x, y = (
@@ -133,12 +148,12 @@ class _PolynomialAttributes(_Attributes):
 
 
 def _older_projection(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> str:
-    """Return POLYNOMIAL or ""; report any other projection but a pinhole's, which is rendered as a pinhole."""
+    """Return the name of a lens, "" for a pinhole; report a projection of another name, which is rendered as a pinhole."""
     if PROJECTION not in property_names(prim):
         return ""
     named = token(prim, PROJECTION, when, "")
-    if named in NO_MODEL or named == POLYNOMIAL:
-        return named if named == POLYNOMIAL else ""
+    if named in NO_MODEL or named in OLDER:
+        return named if named in OLDER else ""
     message = (
         f"{PROJECTION} = {named} is not supported: it is rendered as a pinhole. Author one of the OmniLensDistortion schemas "
         "(docs/lens.md), which say what the lens does."
@@ -168,8 +183,8 @@ def read_sensor(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Sensor 
     if not model:
         return None
     try:
-        if model == POLYNOMIAL:
-            return _polynomial(_PolynomialAttributes(prim, model, when, diagnostics))
+        if model in OLDER:
+            return _older(_OlderAttributes(prim, model, when, diagnostics))
         return _READERS[model](_Attributes(prim, model, when, diagnostics))
     except _UnusableDistortion as why:
         message = f"{why}: lens distortion is ignored."
@@ -195,7 +210,43 @@ def _ftheta(a: _Attributes) -> Sensor:
     return Sensor(width, height, center, (focal, focal), Distortion(DistortionModel.RADIUS_TO_ANGLE, scaled, a.half_fov(200.0)))
 
 
-def _polynomial(a: _PolynomialAttributes) -> Sensor:
+def _older(a: _OlderAttributes) -> Sensor:
+    """Return the sensor of a lens that cameraProjectionType names."""
+    if a.model == POLYNOMIAL:
+        return _polynomial(a)
+    if a.model in (SPHERICAL, STEREO):
+        return _all_around(a)
+    width, height, center = a.nominal()
+    if a.model in _BY_ANGLE:
+        # The circle of the largest angle touches the nominal picture's left and right.
+        k, widest = _BY_ANGLE[a.model]
+        half = min(a.half_fov(200.0), widest)
+        lens = Distortion(DistortionModel.ANGLE_TO_RADIUS, k, half)
+        focal = width / 2 / float(np.hypot(*lens.project([[np.sin(np.radians(half)), 0.0, -np.cos(np.radians(half))]])[0]))
+        return Sensor(width, height, center, (focal, focal), lens)
+    k = a.numbers(" ".join(f"fthetaPoly{letter}" for letter in "ABCDEF"))
+    focal_lengths = a.above_0("openCVFx", 900.0), a.above_0("openCVFy", 800.0)
+    if a.model == _OLD_KANNALA_BRANDT:
+        lens = Distortion(DistortionModel.ANGLE_TO_RADIUS, (1.0, *k[:4]), a.half_fov(200.0))
+        return Sensor(width, height, center, focal_lengths, lens)
+    p0, p1, s0, s1, s2, s3 = a.numbers("p0 p1 s0 s1 s2 s3")
+    rational = (k[0], k[1], p0, p1, *k[2:], s0, s1, s2, s3)
+    lens = Distortion(DistortionModel.RATIONAL, rational, min(a.half_fov(180.0), 90.0))
+    return Sensor(width, height, center, focal_lengths, lens)
+
+
+def _all_around(a: _OlderAttributes) -> Sensor:
+    """Return an equirectangular picture of the whole frame, of one eye of two for omniDirectionalStereo."""
+    eyes = 0.0
+    if a.model == STEREO:
+        eyes = max(number(a.prim, EYE_DISTANCE, a.when, EYES_APART, a.diagnostics), 0.0)
+    side = -1.0 if read(a.prim, IS_LEFT_EYE, a.when) else 1.0
+    lens = Distortion(DistortionModel.LAT_LONG, (eyes, 2.0, side) if eyes else (0.0, 0.0, 0.0))
+    width, height = 2 * math.pi, math.pi
+    return Sensor(width, height, (width / 2, height / 2), (1.0, 1.0), lens, fills_frame=True)
+
+
+def _polynomial(a: _OlderAttributes) -> Sensor:
     sixth = number(a.prim, FIFTH_POWER, a.when, 0.0, a.diagnostics)
     if sixth != 0:
         a.diagnostics.add(

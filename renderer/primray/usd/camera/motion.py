@@ -68,7 +68,9 @@ def camera_motion(
 
 
 def with_static_values(found: Camera, frame: Camera) -> Camera:
-    """Return the camera found, with what is not animated as it is at the frame."""
+    """Return the camera found, with what is not animated as it is at the frame: all of a panorama but its place."""
+    if frame.pixels_follow_window:
+        found = replace(found, window=frame.window, lens_radius=frame.lens_radius, pixels_follow_window=True)
     return replace(
         found,
         exposure_scale=frame.exposure_scale,

@@ -22,13 +22,13 @@ from ...description import Camera, Frame, Projection
 from ...description.scene import pixels_within
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, SettingsError
-from ...settings import MAX_RESOLUTION, AutoCamera, Eye, limit_pixels
+from ...settings import MAX_RESOLUTION, AutoCamera, Eye, Panorama, limit_pixels
 from ...settings.camera_choice import Matrix, flaws_of
 from ..motion.timing import Foreseen, Rolling, pixels_of
 from ..render_settings.render_product import ProductSettings
 from ..scene.bounds import Bounds
 from ..scene.context import Context
-from ..stage.metadata import time_codes_per_second, up_axis
+from ..stage.metadata import meters_per_unit, time_codes_per_second, up_axis
 from ..stage.reads import type_name
 from ..stage.traversal import prims_in_instances, world_prims
 from ..stage.values import When, token
@@ -106,9 +106,8 @@ def view_through(
     z_up = up_axis(ctx.stage) == "Z"
     if ctx.settings.auto_camera is AutoCamera.USDRECORD:
         ctx.warn("camera-automatic", "", "The stage has no camera: usdrecord's framing is used.")
-        return _with_requested_flaws(
-            with_shutter(framing_camera(bounds(), z_up, resolution, product), shutter), None, ctx
-        ), frame
+        framed = _looking_around(framing_camera(bounds(), z_up, resolution, product), _panorama(ctx))
+        return _with_requested_flaws(with_shutter(framed, shutter), None, ctx), frame
     has_ground = ctx.settings.ground is not None
     made, left_out = three_quarter_camera(drawn(), z_up, resolution, product, has_ground=has_ground)
     ctx.warn(
@@ -116,6 +115,7 @@ def view_through(
         "",
         f"The stage has no camera: an automatic three-quarter view from above is used{_outliers_text(left_out)}.",
     )
+    made = _looking_around(made, _panorama(ctx))
     return _with_requested_flaws(with_shutter(made, shutter), None, ctx), frame
 
 
@@ -134,16 +134,53 @@ def view_without_scene(
             product = replace(product, conform_policy="adjustPixelAspectRatio")
     else:
         aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
+    around = _panorama(ctx)
+    if around is not None:
+        aperture, product = given_aperture(around), replace(product, conform_policy="adjustPixelAspectRatio")
     resolution = _scaled(_resolution(ctx.settings.resolution, product, aperture), ctx.settings.resolution_scale)
     if ctx.settings.region is not None:
         product = replace(product, data_window=ctx.settings.region)
     frame = _frame(resolution, product, pixel_aspect_ratio(aperture, resolution, product))
     if asked is not None:
-        return conform_given_camera(asked, aperture, resolution, product, shutter), frame
+        return _looking_around(conform_given_camera(asked, aperture, resolution, product, shutter), around), frame
     if prim is not None:
         still = camera_when(prim, ctx, ctx.timing.opens) if not ctx.timing.is_open else None
-        return read_camera(prim, ctx.when, resolution, product, shutter, ctx.diagnostics, still), frame
+        found = read_camera(prim, ctx.when, resolution, product, shutter, ctx.diagnostics, still)
+        return _looking_around(found, around), frame
     return None, frame
+
+
+EYE_DISTANCE_M = 0.064  # of people's eyes
+
+
+def _panorama(ctx: Context) -> Camera | None:
+    """Return a camera at the origin with the panorama that is asked for; None without one."""
+    asked = ctx.settings.panorama
+    if asked is None:
+        return None
+    if asked.value.startswith("cube"):
+        columns = {Panorama.CUBE_2: 2, Panorama.CUBE_3: 3, Panorama.CUBE_6: 6}.get(asked, 1)
+        return Camera.cube(columns=columns)
+    return Camera.lat_long(
+        span_deg=(180.0, 180.0) if "180" in asked.value else (360.0, 180.0),
+        eye_distance=EYE_DISTANCE_M / meters_per_unit(ctx.stage) if asked.value.startswith("stereo") else 0.0,
+        side_by_side=asked.value.endswith("side-by-side"),
+    )
+
+
+def _looking_around(camera: Camera, around: Camera | None) -> Camera:
+    """Return the camera with the view of `around`, sharp from where it begins to see."""
+    if around is None:
+        return camera
+    return replace(
+        camera,
+        projection=around.projection,
+        window=around.window,
+        distortion=around.distortion,
+        pixels_follow_window=True,
+        lens_radius=0.0,
+        natural_vignetting=False,
+    )
 
 
 def columns_and_rows(prim: Usd.Prim | None, ctx: Context, product: ProductSettings) -> tuple[int, int]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -224,8 +225,63 @@ def test_a_polynomial_fisheye_of_older_stages_is_f_theta() -> None:
     assert camera_of(older("fisheyePolynomial", fthetaPolyF=0.1))[1] == [("camera-input", "fthetaPolyF")]
 
 
-@pytest.mark.parametrize("projection", ["fisheyeSpherical", "fisheyeEquidistant", "omniDirectionalStereo", "pinhole"])
+@pytest.mark.parametrize("projection", ["generalizedProjection", "pinhole"])
 def test_other_projections_of_older_stages_are_reported(projection: str) -> None:
     camera, said = camera_of(older(projection))
     assert camera.distortion is None
     assert said == ([] if projection == "pinhole" else [("camera-input", "cameraProjectionType")])
+
+
+@pytest.mark.parametrize(
+    ("projection", "radius"),
+    [
+        ("fisheyeOrthographic", np.sin),
+        ("fisheyeEquidistant", lambda a: a),
+        ("fisheyeEquisolid", lambda a: 2 * np.sin(a / 2)),
+    ],
+)
+def test_fisheyes_by_their_closed_forms(projection: str, radius: Callable[[Any], Any]) -> None:
+    """The circle of half of fthetaMaxFov touches the nominal picture's left and right, about its optical centre."""
+    camera, said = camera_of(older(projection), resolution=(400, 200))
+    assert said == []
+    most = np.radians(90.0 if projection == "fisheyeOrthographic" else 95.0)
+    a = np.linspace(0.01, 0.999, 30) * most
+    at = camera.project(np.stack([np.sin(a), np.zeros(30), -np.cos(a)], axis=1) + camera.world_from_camera[:3, 3], (400, 200))
+    np.testing.assert_allclose(at[:, 0], 150 + 200 * radius(a) / radius(most), atol=1e-5)
+    np.testing.assert_allclose(at[:, 1], 110)
+
+
+def test_older_lenses_of_opencv() -> None:
+    """fthetaPolyA to F are OpenCV's radial coefficients there, openCVFx and openCVFy its focal lengths in pixels."""
+    focal = {"openCVFx": 180.0, "openCVFy": 170.0}
+    fisheye, said = camera_of(older("fisheyeKannalaBrandtK3", **focal, fthetaPolyA=0.5, fthetaPolyB=0.25, fthetaPolyC=0.0))
+    assert said == []
+    assert fisheye.distortion is not None
+    assert fisheye.distortion.model is DistortionModel.ANGLE_TO_RADIUS
+    assert fisheye.distortion.coefficients == (1.0, 0.5, 0.25, 0.0, 0.0)
+    k = {f"fthetaPoly{letter}": float(n) for n, letter in enumerate("ABCDEF", 1)}
+    pinhole, said = camera_of(
+        older("fisheyeRadTanThinPrism", **focal, **k, p0=0.5, p1=0.25, s0=1.0, s3=2.0), resolution=(400, 200)
+    )
+    assert said == []
+    assert pinhole.distortion is not None
+    assert pinhole.distortion.coefficients == (1.0, 2.0, 0.5, 0.25, 3.0, 4.0, 5.0, 6.0, 1.0, 0.0, 0.0, 2.0)
+    assert pinhole.window == pytest.approx((-150 / 180, 250 / 180, -90 / 170, 110 / 170))
+
+
+@pytest.mark.parametrize("size", [(400, 200), (300, 300)])
+def test_a_spherical_fisheye_is_lat_long_over_the_frame(size: tuple[int, int]) -> None:
+    camera, said = camera_of(older("fisheyeSpherical"), resolution=size)
+    assert said == []
+    at = camera.project(camera.world_from_camera[:3, 3] + [[0, 0, -1.0], [1.0, 0, 0], [0, 1.0, -1e-9]], size)
+    np.testing.assert_allclose(at, np.array([[0.5, 0.5], [0.75, 0.5], [0.5, 0.0]]) * size, atol=1e-6)
+
+
+@pytest.mark.parametrize("is_left", [True, False])
+def test_one_eye_of_omnidirectional_stereo(is_left: bool) -> None:
+    text = older("omniDirectionalStereo", interpupillaryDistance=0.5) + f"\nbool isLeftEye = {int(is_left)}"
+    camera, said = camera_of(text, resolution=(360, 180))
+    assert said == []
+    at = camera.project(camera.world_from_camera[:3, 3] + [[0.0, 0.0, -2.0]], (360, 180))[0]
+    aside = np.degrees(np.arcsin(0.25 / 2.0))
+    assert at.tolist() == [pytest.approx(180 + aside if is_left else 180 - aside), pytest.approx(90)]
