@@ -134,6 +134,7 @@ class FakeSampling:
         spp = self.settings.most_samples
         pixels = np.random.default_rng(self.settings.seed).random((height, width, 4), dtype=np.float32)
         self.film = SimpleNamespace(
+            unseen_walks={},
             image=lambda: (pixels, 0.1 * pixels[..., :3]),
             samples=width * height * spp,
             rays=1000,
