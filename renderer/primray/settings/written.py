@@ -16,7 +16,22 @@ class SettingsValues(TypedDict, total=False):
 
     camera: str | Camera | Matrix | Iterable[Iterable[float]] | None
     auto_camera: AutoCamera | Literal["three-quarter", "usdrecord"]
-    panorama: Panorama | Literal["lat-long", "lat-long-180", "stereo", "stereo-180", "stereo-side-by-side", "stereo-180-side-by-side", "cube", "cube-2", "cube-3", "cube-6"] | None
+    panorama: (
+        Panorama
+        | Literal[
+            "lat-long",
+            "lat-long-180",
+            "stereo",
+            "stereo-180",
+            "stereo-side-by-side",
+            "stereo-180-side-by-side",
+            "cube",
+            "cube-2",
+            "cube-3",
+            "cube-6",
+        ]
+        | None
+    )
     render_settings: str | None
     render_pass: str | None
     product: str | None

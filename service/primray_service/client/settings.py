@@ -67,4 +67,18 @@ class Settings(TypedDict, total=False):
     variants: list[str]
     load: list[str] | None
     mask: list[str] | None
-    panorama: Literal["lat-long", "lat-long-180", "stereo", "stereo-180", "stereo-side-by-side", "stereo-180-side-by-side", "cube", "cube-2", "cube-3", "cube-6"] | None
+    panorama: (
+        Literal[
+            "lat-long",
+            "lat-long-180",
+            "stereo",
+            "stereo-180",
+            "stereo-side-by-side",
+            "stereo-180-side-by-side",
+            "cube",
+            "cube-2",
+            "cube-3",
+            "cube-6",
+        ]
+        | None
+    )
