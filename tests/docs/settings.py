@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import UnionType
@@ -49,10 +51,17 @@ TAKEN: Mapping[Reader, str] = {
 
 def files() -> dict[str, str]:
     """Return the generated sources by path."""
-    return {
+    made = {
         "renderer/primray/settings/written.py": written(RenderSettings),
         "service/primray_service/client/settings.py": documents(StopRules, Settings),
     }
+    return {path: formatted(path, module) for path, module in made.items()}
+
+
+def formatted(path: str, module: str) -> str:
+    """Return a module as the project's formatter lays it out: long types take several lines."""
+    command = [sys.executable, "-m", "ruff", "format", "--stdin-filename", path, "-"]
+    return subprocess.run(command, input=module, capture_output=True, text=True, check=True, cwd=ROOT).stdout
 
 
 def written(of: type) -> str:
