@@ -15,10 +15,8 @@ constexpr float kLeastOffsets = 64, kLeastSteps = 8;
 
 // Walks that no pixel resolves: light leaves where it entered, with the walk's albedo, where
 // - walks end so near to where they entered that a pixel does not tell: a mean distance along one axis of 1 / kPixelOfWalks of
-// its
-//   width. Of a step of light that runs along the border between two pixels, half that share gets to the other one;
-// - the body is thicker than kThickPaths (reduced) mean free paths: a body of radius R is brighter than a half-space by a share
-// of
+//   the pixel's width. Of a step of light along the border between two pixels, half that share gets to the other one;
+// - the body is thicker than kThickPaths (reduced) mean free paths: one of radius R is brighter than a half-space by a share of
 //   1.5 mean free paths over R;
 // - and thicker than kThickLengths diffusion lengths, so that no light gets through.
 constexpr float kPixelOfWalks = 32, kThickPaths = 1000, kThickLengths = 20;
