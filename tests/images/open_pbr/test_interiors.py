@@ -238,10 +238,11 @@ def test_a_channel_without_a_radius_walks_as_others_do() -> None:
 
 
 def test_a_radius_of_nothing_is_a_diffuse_surface() -> None:
+    """It has the albedo of the walk, which the formula from colours to media gives within 5e-3."""
     inputs = {"specular_weight": 0.0, "subsurface_weight": 1.0, "subsurface_color": COLOR}
     for radius in (0.0, 1e-9):
         below = material("m", {**inputs, "subsurface_radius": radius})
-        np.testing.assert_allclose(seen(box((200, 200, 50)), below, SKY, spp=256), COLOR, rtol=1e-3)
+        np.testing.assert_allclose(seen(box((200, 200, 50)), below, SKY, spp=256), COLOR, atol=5e-3)
 
 
 def test_a_body_in_another_meets_its_index() -> None:
