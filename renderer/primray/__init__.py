@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from .render.products import Product, render_products
     from .render.stereo import StereoImage, render_stereo
     from .report.profile import profile
+    from .sensor.model import RawImage, SensorModel
 
 __all__ = [
     "Aov",
@@ -82,10 +83,12 @@ __all__ = [
     "PrimrayError",
     "Product",
     "Projection",
+    "RawImage",
     "RenderContext",
     "RenderSettings",
     "RenderWarning",
     "Scene",
+    "SensorModel",
     "SequenceComparison",
     "StereoImage",
     "StopAt",
@@ -128,8 +131,10 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "PixelLog": "diagnosis.pixel_log",
         "Product": "render.products",
         "Projection": "camera",
+        "RawImage": "sensor.model",
         "RenderWarning": "diagnostic_messages",
         "Scene": "incremental.scene",
+        "SensorModel": "sensor.model",
         "SequenceComparison": "compare.sequences",
         "StereoImage": "render.stereo",
         "Thing": "labels.things",

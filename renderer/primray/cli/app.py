@@ -33,6 +33,7 @@ from .commands.inspect import inspect
 from .commands.merge import merge
 from .commands.relight import relight
 from .commands.render import render
+from .commands.sensor import sensor
 from .commands.sheet import sheet
 from .commands.thumbnail import thumbnail
 from .flags import default_of, flags_of, names_of
@@ -237,6 +238,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "dataset": dataset,
     "compare": compare,
     "relight": relight,
+    "sensor": sensor,
     "ci": ci,
     "doctor": doctor,
 }

@@ -243,7 +243,7 @@ class Image:
         suffix = path.suffix.lower()
         if self.is_deep_alone and suffix != ".exr":
             raise SettingsError("a deep picture is an EXR: give a name that ends in .exr", where=str(path), code="deep-output")
-        with _replacing(path) as temporary:
+        with replacing(path) as temporary:
             if self.is_deep_alone:
                 self._write_deep(temporary, encoding)
             elif suffix == ".exr":
@@ -255,7 +255,7 @@ class Image:
             else:
                 write_view(self._encoded(suffix, view, exposure, encoding), temporary)
         for other in self.files_beside(path):
-            with _replacing(other) as temporary:
+            with replacing(other) as temporary:
                 self._write_deep(temporary, encoding)
         return path
 
@@ -443,7 +443,7 @@ def _whole(shown: Floats, bits: int) -> npt.NDArray[Any]:
 
 
 @contextmanager
-def _replacing(path: Path) -> Iterator[str]:
+def replacing(path: Path) -> Iterator[str]:
     """Yield a temporary name beside the target of `path`; rename it to the target if the block succeeds."""
     target = through_links(path)
     temporary = target.with_name(f".{name_beside(path.stem)}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
@@ -462,14 +462,14 @@ def _replacing(path: Path) -> Iterator[str]:
 
 def write_png(encoded: np.ndarray[Any, Any], path: Path) -> Path:
     """Write 8-bit values (H, W, 3 or 4) unchanged, atomically."""
-    with _replacing(path) as temporary:
+    with replacing(path) as temporary:
         write_view(encoded, temporary)
     return path
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically."""
-    with _replacing(path) as temporary:
+    with replacing(path) as temporary:
         Path(temporary).write_text(text, encoding="utf-8")
 
 
@@ -539,7 +539,7 @@ def _name_view(parts: Parts, view: str) -> None:
 
 def write_parts(path: Path, parts: Parts) -> Path:
     """Write an EXR of these parts, atomically."""
-    with _replacing(path) as temporary:
+    with replacing(path) as temporary:
         write_parts_of(temporary, parts)
     return path
 
