@@ -16,6 +16,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -131,7 +132,7 @@ class LightMix:
             foreground=None,
         )
 
-    @property
+    @cached_property
     def _apart(self) -> Doubles:
         """What the picture holds and no part does, such as a back plate: it stays as it is."""
         total = np.sum([part.light for part in self.parts], axis=0)

@@ -51,10 +51,9 @@ def with_parts(file: PictureFile, names: Sequence[str]) -> PictureFile:
     """Return a product's file with the parts of these names in place of `lights`."""
     contents = file.contents
     if contents is not None:
-        parts = [(own, key) for own, key in contents.parts]
         of_lights = [(name, name) for name in names]
         contents = replace(
-            contents, parts=tuple(p for own, key in parts for p in (of_lights if key == LIGHTS else [(own, key)]))
+            contents, parts=tuple(p for own, key in contents.parts for p in (of_lights if key == LIGHTS else [(own, key)]))
         )
     return replace(file, contents=contents, products=tuple((path, with_parts(one, names)) for path, one in file.products))
 

@@ -19,7 +19,6 @@ from .model import RawImage
 BYTE, ASCII, SHORT, LONG, RATIONAL, SRATIONAL = 1, 2, 3, 4, 5, 10
 _FORMS = {BYTE: "B", ASCII: "B", SHORT: "H", LONG: "I", RATIONAL: "I", SRATIONAL: "i"}
 CFA, LINEAR_RAW, D65 = 32803, 34892, 21
-WHITE = (0.95047, 1.0, 1.08883)  # of D65, in XYZ
 
 
 def write(raw: RawImage, path: Path) -> Path:
@@ -92,8 +91,8 @@ def dng(raw: RawImage) -> bytes:
             (33422, BYTE, ["RGB".index(letter) for letter in model.mosaic]),
             (50710, BYTE, [0, 1, 2]),  # CFAPlaneColor
             (50711, SHORT, [1]),  # CFALayout: a rectangle
-            (50721, SRATIONAL, _signed(_camera_from_xyz(raw).ravel())),  # ColorMatrix1
-            (50728, RATIONAL, _unsigned(_neutral(raw))),  # AsShotNeutral
+            (50721, SRATIONAL, _rationals(_camera_from_xyz(raw).ravel())),  # ColorMatrix1
+            (50728, RATIONAL, _rationals(_neutral(raw))),  # AsShotNeutral
             (50778, SHORT, [D65]),  # CalibrationIlluminant1
         ]
     return _tiff(sorted(tags, key=lambda tag: tag[0]), pixels)
@@ -109,12 +108,9 @@ def _neutral(raw: RawImage) -> Any:
     return np.maximum(seen, 1e-6) / max(float(seen.max()), 1e-6)
 
 
-def _signed(values: Any) -> list[int]:
+def _rationals(values: Any) -> list[int]:
     fractions = [Fraction(float(value)).limit_denominator(1_000_000) for value in values]
     return [number for f in fractions for number in (f.numerator, f.denominator)]
-
-
-_unsigned = _signed
 
 
 def _tiff(tags: list[tuple[int, int, Any]], pixels: bytes) -> bytes:

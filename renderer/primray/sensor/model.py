@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Doubles
-from ..color.color_space import REC709, converted
+from ..color.color_space import LUMINANCE_WEIGHTS, REC709, converted
 from ..errors import SettingsError, did_you_mean
 from ..images.image import Image
 from .noise import Draws
@@ -32,7 +32,6 @@ MOSAICS = ("RGGB", "GRBG", "BGGR", "GBRG", "MONO")
 SATURATED_AT = 78 / 65
 SMALL_SHARE = 0.01  # of a pixel's variance: render noise below it is below 0.5 % of the standard deviation
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 Whole = npt.NDArray[np.uint16]
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -117,7 +116,13 @@ class SensorModel:
                     f"a sensor has no {name!r}; {near or 'it has ' + ', '.join(known)}", where=where, code="sensor"
                 )
             is_number = isinstance(value, int | float) and not isinstance(value, bool)
-            kinds = {"bits": int, "black_level": int, "seed": int, "mosaic": str, "camera_from_rec709": list}
+            kinds: dict[str, Any] = {
+                "bits": int,
+                "black_level": int,
+                "seed": int,
+                "mosaic": str,
+                "camera_from_rec709": (list, tuple),
+            }
             if not (is_number if name not in kinds else isinstance(value, kinds[name]) and not isinstance(value, bool)):
                 raise SettingsError(f"{name} cannot be {value!r}", where=where, code="sensor")
         return cls(**values)
@@ -153,11 +158,12 @@ class SensorModel:
 
     def electrons(self, image: Image) -> Doubles:
         """Return the mean electrons (H, W) that light frees below each pixel's filter; negative light is none."""
-        return self._behind_filters(np.maximum(self._camera_values(image), 0.0)) * self.electrons_per_unit
+        return self._electrons_of(self._camera_values(image))
 
     def expose(self, image: Image, frame: int = 0) -> RawImage:
         """Return the picture as the sensor reads it. Each `frame` has its own noise, a function of seed, frame and pixel."""
-        mean = self.electrons(image)
+        values = self._camera_values(image)
+        mean = self._electrons_of(values)
         if not np.isfinite(mean).all():
             raise SettingsError("the picture has pixels that are not finite", where="image", code="sensor")
         draws = Draws(self.seed, frame)
@@ -165,9 +171,8 @@ class SensorModel:
         if self.read_noise > 0:
             held = held + self.read_noise * draws.normal(held.size).reshape(held.shape)
         numbers = np.rint(np.minimum(held, self.full_well) * self.gain + self.black_level)
-        values = np.clip(numbers, 0, self.white_level).astype(np.uint16)
-        clipped = float((self._camera_values(image) < 0).any(axis=2).mean())
-        return RawImage(values, self, frame, self.render_share(image), clipped)
+        read = np.clip(numbers, 0, self.white_level).astype(np.uint16)
+        return RawImage(read, self, frame, self._render_share(image, mean), float((values < 0).any(axis=2).mean()))
 
     def variance(self, mean: Doubles) -> Doubles:
         """Return the variance in electrons of pixels with these mean electrons of light."""
@@ -178,12 +183,18 @@ class SensorModel:
 
         Below 0.01 it changes standard deviations by less than 0.5 %.
         """
+        return self._render_share(image, self.electrons(image))
+
+    def _render_share(self, image: Image, mean: Doubles) -> float | None:
         if image.errors is None or not np.isfinite(image.errors).all():
             return None
         matrix = np.asarray(self.camera_from_rec709)
-        errors = np.sqrt((converted(image.errors, REC709, REC709) ** 2) @ (matrix.T**2))
+        errors = np.sqrt((image.errors.astype(np.float64) ** 2) @ (matrix.T**2))
         own = (self._behind_filters(errors) * self.electrons_per_unit) ** 2
-        return float((own / np.maximum(self.variance(self.electrons(image)), 1e-300)).mean())
+        return float((own / np.maximum(self.variance(mean), 1e-300)).mean())
+
+    def _electrons_of(self, camera_values: Doubles) -> Doubles:
+        return self._behind_filters(np.maximum(camera_values, 0.0)) * self.electrons_per_unit
 
     def _camera_values(self, image: Image) -> Doubles:
         rgb = converted(image.pixels[..., :3], image.color_space, REC709)
@@ -192,7 +203,7 @@ class SensorModel:
     def _behind_filters(self, values: Doubles) -> Doubles:
         """Return the channel (H, W) that each pixel's filter lets through."""
         if self.mosaic == "MONO":
-            return np.asarray(values @ np.array(LUMINANCE))
+            return np.asarray(values @ np.array(LUMINANCE_WEIGHTS))
         found = np.empty(values.shape[:2])
         for place, letter in enumerate(self.mosaic):
             rows, columns = slice(place // 2, None, 2), slice(place % 2, None, 2)

@@ -100,7 +100,7 @@ def _model(file: str | None, changes: list[str]) -> SensorModel:
             values[name] = json.loads(value)
         except ValueError:
             values[name] = value
-    return SensorModel.of({name: list(map(list, v)) if name == "camera_from_rec709" else v for name, v in values.items()})
+    return SensorModel.of(values)
 
 
 def _lines(facts: dict[str, Any]) -> list[str]:
