@@ -195,16 +195,13 @@ def pick(scene: CoreScene, x: int, y: int, settings: RenderSettings) -> PickedPo
     row = int(planes["prim"][0])
     if row == -1:
         return None
-    shape, name = record.meshes[row] if row >= 0 else record.curved[-2 - row]
-    if not name and planes["instance"][0] >= 0:
-        numbers = scene.instance_numbers
-        name = numbers.name(int(numbers.number(planes["instance"], planes["outer"])[0]))
+    prim, instance = scene.name_of_part(row, int(planes["instance"][0]), int(planes["outer"][0]))
     surface = int(planes["material"][0])
     return PickedPoint(
         planes["position"].astype(np.float64),
         float(planes["distance"][0]),
-        record.shape_paths[shape],
-        name,
+        prim,
+        instance,
         record.surface_paths[surface] if surface >= 0 else "",
     )
 

@@ -204,6 +204,19 @@ class CoreScene:
         group, first, parent, total = self._scene.placements
         return InstanceNumbers(self.record, group, first, parent, total)
 
+    def name_of_part(self, shape: int, instance: int, outer: int) -> tuple[str, str]:
+        """Return the path of a shape, and the name of its instance ("": none), of a scene that has a record.
+
+        Numbers are those of `first_hits`: shapes without triangles are below -1; instances are -1 where there are none.
+        """
+        record = self.record
+        assert record is not None
+        row, name = record.meshes[shape] if shape >= 0 else record.curved[-2 - shape]
+        if not name and instance >= 0:
+            numbers = self.instance_numbers
+            name = numbers.name(int(numbers.number(np.array([instance]), np.array([outer]))[0]))
+        return record.shape_paths[row], name
+
     @property
     def features(self) -> list[dict[str, str]]:
         """Features beyond opaque faceted Lambert triangles that are enabled, and why; guides once they are learnt."""

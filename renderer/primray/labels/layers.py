@@ -49,21 +49,12 @@ class PartNames:
     def _number(self, shape: int, instance: int, outer: int) -> int:
         part = shape, instance, outer
         if part not in self._numbers:
-            name = self._name(*part)
+            name = self._scene.name_of_part(*part)
             if name not in self._by_name:
                 self._by_name[name] = len(self.names)
                 self.names.append(name)
             self._numbers[part] = self._by_name[name]
         return self._numbers[part]
-
-    def _name(self, shape: int, instance: int, outer: int) -> tuple[str, str]:
-        record = self._scene.record
-        assert record is not None
-        row, name = record.meshes[shape] if shape >= 0 else record.curved[-2 - shape]
-        if not name and instance >= 0:
-            numbers = self._scene.instance_numbers
-            name = numbers.name(int(numbers.number(np.array([instance]), np.array([outer]))[0]))
-        return record.shape_paths[row], name
 
 
 class TaxonomyThings:
