@@ -119,13 +119,22 @@ def test_progress_that_raises_is_passed_on() -> None:
 
 
 INTERRUPTED = """
-import signal, threading, os
+import os, queue, signal, threading
 from tests.described import render
 from tests.kernels.scenes import SCENES
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs start with it ignored
 scene = SCENES["materials"]().build()
-threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
-result = render(scene, 1 << 20)
+fractions = queue.SimpleQueue()  # its put() runs no bytecode, in which Python would raise the interrupt itself
+
+
+def interrupt():
+    while not fractions.get() > 0:  # the pass has begun
+        pass
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+threading.Thread(target=interrupt).start()
+result = render(scene, 1 << 20, progress=fractions.put)
 assert result.interrupted and 0 < result.samples < (1 << 20) * 37 * 23, result.samples
 print("interrupted", int((result.counts.sum(axis=0) > 0).sum()))
 """
