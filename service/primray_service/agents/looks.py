@@ -35,6 +35,7 @@ BACKGROUND = "(background)"
 KEPT_LOOKS = 6  # that an edit can be compared with
 RESERVED_S = 0.12  # of a look's time, for what is not sampling: AOVs and encoding
 LEAST_S = 0.02
+DENOISE_S = 4e-6  # a pixel, until one is known: 2 cores
 FEWEST, MOST_SPP = 2, 4096  # samples per pixel of a look
 PILOT_SPP, PILOT_S = (2, 8, 32), 0.02
 PILOT_SIDE, SMALLEST_SIDE = 96, 160  # pixels across: of what the speed is measured on, and of the least look
@@ -69,6 +70,7 @@ class Eye:
         self.kept = kept
         self.seen: OrderedDict[tuple[object, ...], Look] = OrderedDict()  # by what was asked
         self._rate = 0.0  # samples a second, of the last picture; 0: unknown
+        self._denoise_s = DENOISE_S  # a pixel, of the last picture that was denoised
 
     def look(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Render the views that are asked for within the time, and return pictures and tables."""
@@ -126,7 +128,8 @@ class Eye:
         }
         if verdict is Verdict.UNDECIDED:
             answer["advice"] = "noise may hide a difference of the tolerance: give more seconds, or a larger tolerance"
-        found = {"before": shown(old.image), "after": shown(new.image), "changes": _marked(shown(new.image), mask)}
+        old_image = replace(old.image, denoised=None)  # as the other is
+        found = {"before": shown(old_image), "after": shown(new.image), "changes": _marked(shown(new.image), mask)}
         return {"answer": answer, "pictures": pictures_of(found)}
 
     def picture(self, asked: Mapping[str, Any], file: Path) -> dict[str, Any]:
@@ -143,6 +146,7 @@ class Eye:
         )
         image = self._render(settings)
         image.save(file)
+        write_view(shown(image), str(file.with_suffix(".png")))
         row = _facts(asked["views"][0], image)
         small = _smaller(shown(image), 768)
         return {"answer": {**row, "diagnostics": _noted(image)}, "pictures": pictures_of({"render": small})}
@@ -168,13 +172,16 @@ class Eye:
             pilot = self._render(replace(settings, resolution=_within(size, PILOT_SIDE), spp=spp, aovs=()))
             if pilot.report["sampling_s"] > PILOT_S:
                 break
-        most = self._rate * max(seconds - (time.monotonic() - begun), LEAST_S) / (size[0] * size[1])
-        if most < FEWEST:
-            side = max(round(max(size) * math.sqrt(most / FEWEST)), SMALLEST_SIDE)
+        denoise = bool(asked.get("denoise"))
+        a_pixel_s = max(seconds - (time.monotonic() - begun), LEAST_S) / (size[0] * size[1])
+        least_s = FEWEST / self._rate + denoise * self._denoise_s
+        if a_pixel_s < least_s:
+            side = max(round(max(size) * math.sqrt(a_pixel_s / least_s)), SMALLEST_SIDE)
             settings = replace(settings, resolution=_within(size, side))
         else:
-            settings = replace(settings, spp=min(int(most) // 2 * 2, MOST_SPP))
-        look = Look(view, settings, self._render(settings))
+            most = (a_pixel_s - denoise * self._denoise_s) * self._rate
+            settings = replace(settings, spp=min(max(int(most) // 2 * 2, FEWEST), MOST_SPP))
+        look = Look(view, settings, self._render(replace(settings, denoise=denoise)))
         self.seen[_key(asked, view)] = look
         self.seen.move_to_end(_key(asked, view))
         while len(self.seen) > KEPT_LOOKS:
@@ -184,6 +191,8 @@ class Eye:
     def _render(self, settings: RenderSettings) -> Image:
         image = self.kept.render(settings, None, "raise", None, (), lambda diagnostics: None)
         self._rate = image.report["samples"] / max(image.report["sampling_s"], 1e-3)
+        if (denoise_s := image.report["stages_s"].get("denoise")) is not None:
+            self._denoise_s = denoise_s / (image.resolution[0] * image.resolution[1])
         return image
 
     def _camera(self, asked: Mapping[str, Any], view: str) -> tuple[str | Camera | None, tuple[int, int]]:
@@ -374,7 +383,7 @@ def _marked(rgb: npt.NDArray[np.uint8], mask: npt.NDArray[np.bool_]) -> npt.NDAr
 
 def shown(image: Image) -> npt.NDArray[np.uint8]:
     """Return display values (H, W, 3), over grey where the picture is transparent."""
-    rgba = image.to_uint8().astype(np.float64)
+    rgba = image.shown.to_uint8().astype(np.float64)
     alpha = rgba[..., 3:] / 255
     return np.asarray(np.rint(rgba[..., :3] * alpha + 110 * (1 - alpha)), np.uint8)
 

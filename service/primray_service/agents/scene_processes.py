@@ -1,7 +1,8 @@
 """A process for each scene that agents look at: started in the sandbox of the service's workers, each answer within a time.
 
 What takes too long, dies or says nothing sensible is ended, and the next request of the scene starts another process. Those
-that were not used longest are ended where all together hold more memory than they may.
+that were not used longest are ended where all together hold more memory than they may. One process is kept ready for the next
+scene, because starting Python in a sandbox takes longer than a look.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ START_S = 30.0
 MOST_LINE_BYTES = 4 * 2**20
 MOST_WAITING = 16
 MOST_SCENES = 8
+MOST_HELD = 0.75  # of the memory, up to which another process is kept ready
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +95,7 @@ class SceneProcesses:
         self._limits = limits
         self._folder = Path(tempfile.mkdtemp(prefix="primray-mcp-"))
         self._known: OrderedDict[str, SceneProcess] = OrderedDict()  # used last at the end
+        self._ready: asyncio.Task[SceneProcess] | None = None  # a process without a scene
         self._starting = asyncio.Lock()
         self._waiting = 0
         self._number = 0
@@ -101,9 +104,16 @@ class SceneProcesses:
     def count(self) -> int:
         return len(self._known)
 
-    async def answer(self, scene: str, request: Mapping[str, Any], seconds: float, into: Path | None = None) -> dict[str, Any]:
-        """Return what the scene's process answers. PrimrayError with its code and place where it fails; `into`: where the file
-        that the request names goes."""
+    def get_ready(self) -> None:
+        """Start a process for the next scene, unless one is ready or the scenes leave too little memory."""
+        if self._ready is None and self._held_by_scenes() < MOST_HELD * self._limits.memory_bytes:
+            self._ready = asyncio.create_task(self._started(""))
+
+    async def answer(
+        self, scene: str, request: Mapping[str, Any], seconds: float, into: Mapping[str, Path] | None = None
+    ) -> dict[str, Any]:
+        """Return what the scene's process answers. PrimrayError with its code and place where it fails; `into`: where the files
+        go that it writes, by their names."""
         if self._waiting >= MOST_WAITING:
             raise LimitError(f"{MOST_WAITING} requests are waiting already; repeat this one later", code="busy")
         self._waiting += 1
@@ -113,12 +123,13 @@ class SceneProcesses:
             try:
                 async with process.turn:
                     found = await self._asked(scene, process, request, seconds)
-                    if into is not None and "error" not in found:
-                        await asyncio.to_thread(_moved, process.out / request["file"], into)
+                    for name, target in (into or {}).items() if "error" not in found else ():
+                        await asyncio.to_thread(_moved, process.out / name, target)
             finally:
                 process.users -= 1
         finally:
             self._waiting -= 1
+        self.get_ready()  # after the answer, which needs the CPUs
         await self._shrink()
         if "error" in found:
             error = found["error"]
@@ -159,8 +170,20 @@ class SceneProcesses:
                 await self._forget(scene, found)
             while len(self._known) >= MOST_SCENES and await self._end_oldest():
                 pass
-            process = self._known[scene] = await self._started(scene)
+            process = self._known[scene] = await self._ready_or_started(scene)
             return process
+
+    async def _ready_or_started(self, scene: str) -> SceneProcess:
+        ready, self._ready = self._ready, None
+        if ready is not None:
+            try:
+                process = await ready
+            except (PrimrayError, OSError):
+                return await self._started(scene)  # the fault may be over, and is raised with the scene's name if it is not
+            if process.is_alive():
+                return process
+            await process.end()
+        return await self._started(scene)
 
     async def _started(self, scene: str) -> SceneProcess:
         self._number += 1
@@ -188,12 +211,12 @@ class SceneProcesses:
 
     async def _shrink(self) -> None:
         """End processes that were not used longest, until the rest hold no more than they may."""
-        while sum(self._held(process) for process in self._known.values()) > self._limits.memory_bytes:
+        while self._held_by_scenes() > self._limits.memory_bytes:
             if not await self._end_oldest():
                 return
 
-    def _held(self, process: SceneProcess) -> int:
-        return used_by(process.child.pid).rss_bytes
+    def _held_by_scenes(self) -> int:
+        return sum(used_by(process.child.pid).rss_bytes for process in self._known.values())
 
     async def _end_oldest(self) -> bool:
         """End the process that was not used longest, if it is idle and not the last one; return whether there was one."""
@@ -209,6 +232,11 @@ class SceneProcesses:
         await process.end()
 
     async def close(self) -> None:
+        ready, self._ready = self._ready, None
+        if ready is not None:
+            ready.cancel()
+            with suppress(asyncio.CancelledError, PrimrayError, OSError):
+                await (await ready).end()
         for scene, process in list(self._known.items()):
             await self._forget(scene, process)
         shutil.rmtree(self._folder, ignore_errors=True)

@@ -5,17 +5,20 @@ Pictures are content beside the table, never in structured content, which client
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
-from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
+import time
+from collections.abc import AsyncIterator, Coroutine, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from mcp.server import MCPServer
-from mcp.server.mcpserver.exceptions import ToolError
-from mcp_types import CallToolResult, ImageContent, TextContent, ToolAnnotations
+from mcp.server.mcpserver import Context
+from mcp.server.mcpserver.exceptions import ResourceError, ToolError
+from mcp_types import CallToolResult, ImageContent, ResourceLink, TextContent, ToolAnnotations
 from pydantic import Field
 
 from primray.errors import PrimrayError, SettingsError
@@ -26,6 +29,7 @@ from .scene_processes import SceneLimits, SceneProcesses
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 MOST_VIEWS = 6
 MOST_SESSIONS, SESSION_IDLE_S, MOST_BODY_BYTES = 64, 1800.0, 2**20
+PROGRESS_S = 1.0  # between reports of progress
 GRACE_S = 30.0  # of an answer beyond its seconds, for opening and preparing a heavy stage
 INSTRUCTIONS = (
     "primray renders USD stages. Begin with look: pictures, and a table of what is seen where, by prim. After an edit of the "
@@ -48,7 +52,8 @@ TimeCode = Annotated[float | None, Field(description="Time code; null: the stage
 Variants = Annotated[
     list[Annotated[str, Field(max_length=1024)]], Field(description="Variants to choose, PRIM:SET=NAME.", max_length=32)
 ]
-Size = Annotated[int, Field(description="Pixels of the picture's longer side.", ge=64, le=768)]
+MOST_SIDE = 768  # pixels of a picture in an answer
+Size = Annotated[int, Field(description="Pixels of the picture's longer side.", ge=64, le=MOST_SIDE)]
 Taxonomy = Annotated[str, Field(description="Taxonomy of the labels that the table names.", pattern=r"^\w{1,64}$")]
 LookSeconds = Annotated[float, Field(description="Seconds for all views, once the stage is known.", ge=0.1, le=30)]
 PilotSeconds = Annotated[float, Field(description="Seconds of rendering to measure.", ge=0.1, le=30)]
@@ -86,11 +91,13 @@ class Access:
 def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
     """Return the server; its scenes live as long as it runs."""
     keeping: list[SceneProcesses] = []
+    rendered: set[str] = set()
 
     @asynccontextmanager
     async def lifespan(_: MCPServer[Any]) -> AsyncIterator[None]:
         scenes = SceneProcesses(access.roots, limits)
         keeping.append(scenes)
+        scenes.get_ready()
         try:
             yield
         finally:
@@ -101,13 +108,15 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
         "primray", version=__version__, instructions=INSTRUCTIONS, lifespan=lifespan, log_level="WARNING"
     )
 
-    async def asked(does: str, scene: str, seconds: float, into: Path | None = None, **members: Any) -> CallToolResult:
+    async def asked(
+        does: str, scene: str, seconds: float, context: Context, into: Mapping[str, Path] | None = None, **members: Any
+    ) -> CallToolResult:
         try:
             path = access.stage(scene)
             if members.get("before") is not None:
                 members["before"] = access.stage(members["before"], "before")
             request = {"do": does, "path": path, "time_code": None, "variants": [], **members, "seconds": seconds}
-            found = await keeping[-1].answer(path, request, seconds * 2 + GRACE_S, into)
+            found = await _reported(keeping[-1].answer(path, request, seconds * 2 + GRACE_S, into), seconds, context)
         except PrimrayError as error:
             raise ToolError(str(error)) from None
         return _result(found["answer"], found["pictures"])
@@ -115,6 +124,7 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
     @app.tool(annotations=READS, structured_output=False)
     async def look(
         scene: Scene,
+        context: Context,
         views: Views = ["default"],  # noqa: B006 - read only
         frame: Frame = None,
         time_code: TimeCode = None,
@@ -122,6 +132,9 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
         size: Size = 512,
         seconds: LookSeconds = 0.4,
         taxonomy: Taxonomy = "class",
+        denoise: Annotated[
+            bool, Field(description="Show the pictures without noise, by a filter that may smooth details.")
+        ] = False,
     ) -> CallToolResult:
         """Look at a stage: a picture of each view, and by prim its share of the picture, box, distance and label.
 
@@ -131,17 +144,20 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
             "look",
             scene,
             seconds,
+            context,
             views=views,
             frame=frame,
             time_code=time_code,
             variants=variants,
             size=size,
             taxonomy=taxonomy,
+            denoise=denoise,
         )
 
     @app.tool(annotations=READS, structured_output=False)
     async def compare(
         scene: Scene,
+        context: Context,
         before: Annotated[str | None, Field(description="Another stage; null: this one as of its last look.")] = None,
         view: View = "default",
         frame: Frame = None,
@@ -161,6 +177,7 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
             "compare",
             scene,
             seconds,
+            context,
             before=before,
             views=[view],
             frame=frame,
@@ -175,16 +192,18 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
     @app.tool(annotations=READS, structured_output=False)
     async def inspect(
         scene: Scene,
+        context: Context,
         time_code: TimeCode = None,
         camera: str | None = None,
         variants: Variants = [],  # noqa: B006
     ) -> CallToolResult:
         """List a stage's layers, cameras, variants, lights, materials, textures, counts and diagnostics, without rendering."""
-        return await asked("inspect", scene, 30, time_code=time_code, camera=camera, variants=variants)
+        return await asked("inspect", scene, 30, context, time_code=time_code, camera=camera, variants=variants)
 
     @app.tool(annotations=READS, structured_output=False)
     async def doctor(
         scene: Scene,
+        context: Context,
         time_code: TimeCode = None,
         camera: str | None = None,
         variants: Variants = [],  # noqa: B006
@@ -192,11 +211,12 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
         seconds: PilotSeconds = 1.0,
     ) -> CallToolResult:
         """Say why a stage comes out slow, grey, dark or empty, each finding with what to do."""
-        return await asked("doctor", scene, seconds, time_code=time_code, camera=camera, variants=variants, size=size)
+        return await asked("doctor", scene, seconds, context, time_code=time_code, camera=camera, variants=variants, size=size)
 
     @app.tool(annotations=READS, structured_output=False)
     async def estimate(
         scene: Scene,
+        context: Context,
         target_errors: Annotated[
             list[Annotated[float, Field(gt=0, allow_inf_nan=False)]],
             Field(description="Relative mean square errors; none: round ones.", max_length=8),
@@ -209,11 +229,12 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
     ) -> CallToolResult:
         """Predict the samples and seconds that a render needs to reach an error."""
         members: dict[str, Any] = {"time_code": time_code, "camera": camera, "variants": variants, "size": size}
-        return await asked("estimate", scene, seconds, target_errors=target_errors, **members)
+        return await asked("estimate", scene, seconds, context, target_errors=target_errors, **members)
 
     @app.tool(annotations=WRITES, structured_output=False)
     async def render(
         scene: Scene,
+        context: Context,
         name: Annotated[str, Field(description="Name of the EXR in the server's folder.", pattern=r"^[A-Za-z0-9][\w-]{0,63}$")],
         view: View = "default",
         frame: Frame = None,
@@ -223,15 +244,19 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
         target_error: Annotated[float, Field(description="Relative mean square error to stop at.", gt=0, lt=1)] = 0.001,
         seconds: Annotated[float, Field(description="Most seconds of sampling.", ge=0.1)] = 20.0,
     ) -> CallToolResult:
-        """Render a view to an EXR in the server's output folder, to an error or for a time, and show a small picture of it."""
+        """Render a view to an EXR and a PNG in the server's output folder, to an error or for a time, and show a small picture.
+
+        A picture larger than that is linked as a resource.
+        """
         if seconds > access.most_seconds:
             raise ToolError(f"time: at most {access.most_seconds:g} seconds, not {seconds:g} [seconds]")
-        into = access.file(name)
+        into, picture_file = access.file(name), access.file(name).with_suffix(".png")
         found = await asked(
             "render",
             scene,
             seconds,
-            into,
+            context,
+            {"render.exr": into, "render.png": picture_file},
             file="render.exr",
             views=[view],
             frame=frame,
@@ -240,7 +265,19 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
             size=size,
             target_error=target_error,
         )
-        return _with(found, file=str(into))
+        rendered.add(name)
+        return _linked(_with(found, file=str(into), picture=str(picture_file)), name, picture_file)
+
+    @app.resource(
+        "primray://picture/{name}",
+        name="picture",
+        mime_type="image/png",
+        description="The picture of a `render`, at its full size.",
+    )
+    async def picture(name: str) -> bytes:
+        if name not in rendered:
+            raise ResourceError(f"no-such-picture: no render of this server is named {name}")
+        return await asyncio.to_thread(access.file(name).with_suffix(".png").read_bytes)
 
     _forbid_unknown_arguments(app)
     return app
@@ -261,6 +298,38 @@ def _with(result: CallToolResult, **members: Any) -> CallToolResult:
     assert isinstance(first, TextContent)
     text = json.dumps({**json.loads(first.text), **members}, ensure_ascii=False)
     return CallToolResult(content=[TextContent(type="text", text=text), *rest])
+
+
+def _linked(result: CallToolResult, name: str, file: Path) -> CallToolResult:
+    """Return the result of a render with a link to the picture, where it is larger than the one in the result."""
+    (table, *_) = result.content
+    assert isinstance(table, TextContent)
+    width, height = json.loads(table.text)["size"]
+    if max(width, height) <= MOST_SIDE:
+        return result
+    link = ResourceLink(
+        uri=f"primray://picture/{name}",
+        name=f"{name}.png",
+        description=f"The picture at {width} x {height}.",
+        mime_type="image/png",
+        size=file.stat().st_size,
+    )
+    return CallToolResult(content=[*result.content, link])
+
+
+async def _reported(work: Coroutine[Any, Any, dict[str, Any]], seconds: float, context: Context) -> dict[str, Any]:
+    """Await an answer, and report every second how long it has taken: clients without news may give up."""
+    task, begun = asyncio.ensure_future(work), time.monotonic()
+    try:
+        while not (await asyncio.wait({task}, timeout=PROGRESS_S))[0]:
+            elapsed = time.monotonic() - begun
+            await context.report_progress(elapsed, max(seconds, elapsed), f"{elapsed:.0f} s")
+        return task.result()
+    finally:
+        if not task.done():
+            task.cancel()
+            with suppress(asyncio.CancelledError, PrimrayError):
+                await task
 
 
 def _forbid_unknown_arguments(app: MCPServer[Any]) -> None:

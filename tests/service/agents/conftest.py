@@ -48,7 +48,7 @@ def Xform "world"
     }
     def DistantLight "sun"
     {
-        float inputs:intensity = 3
+        float inputs:intensity = 3000
         float inputs:angle = 2
         float3 xformOp:rotateXYZ = (40, 10, 0)
         uniform token[] xformOpOrder = ["xformOp:rotateXYZ"]

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import itertools
 import json
 import os
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
@@ -106,7 +110,7 @@ def test_an_edit_is_compared_with_the_last_look(folder: Path) -> None:
 
 
 def test_two_stages_are_compared(folder: Path) -> None:
-    (folder / "bright.usda").write_text(STAGE.replace("intensity = 3", "intensity = 6"))
+    (folder / "bright.usda").write_text(STAGE.replace("intensity = 3000", "intensity = 6000"))
 
     async def calls(client: mcp.Client) -> None:
         found = await _asked(client, "compare", scene="bright.usda", before="toys.usda", size=192)
@@ -132,6 +136,70 @@ def test_stages_are_inspected_examined_estimated_and_rendered(folder: Path) -> N
         assert set(made.pictures) == {"render"}
 
     _run(folder, calls)
+
+
+def test_a_larger_picture_is_a_resource(folder: Path) -> None:
+    async def calls(client: mcp.Client) -> None:
+        small = await client.call_tool("render", {"scene": "toys.usda", "name": "small", "size": 128, "target_error": 0.1})
+        assert [item for item in small.content if item.type == "resource_link"] == []
+        arguments = {"scene": "toys.usda", "name": "large", "size": 1000, "target_error": 0.1, "seconds": 10}
+        large = await client.call_tool("render", arguments)
+        read(large)
+        (link,) = (item for item in large.content if item.type == "resource_link")
+        (content,) = (await client.read_resource(link.uri)).contents
+        png = base64.b64decode(content.blob)
+        assert content.mime_type == link.mime_type == "image/png"
+        assert (len(png), struct.unpack(">II", png[16:24])[0]) == (link.size, 1000)
+        for name in ("none", "../out/large", "%2e%2e%2flarge"):
+            with pytest.raises(Exception, match=r"no-such-picture|Unknown resource|not found|Error reading"):
+                await client.read_resource(f"primray://picture/{name}")
+
+    _run(folder, calls)
+
+
+def test_a_long_answer_reports_progress(folder: Path) -> None:
+    told: list[tuple[float, float | None]] = []
+
+    async def note(progress: float, total: float | None, message: str | None) -> None:
+        told.append((progress, total))
+
+    async def calls(client: mcp.Client) -> None:
+        arguments = {"scene": "toys.usda", "name": "toys", "target_error": 1e-9, "seconds": 4}
+        read(await client.call_tool("render", arguments, progress_callback=note))
+        assert len(told) >= 3
+        assert all(later > earlier for (earlier, _), (later, _) in itertools.pairwise(told))
+        assert all(total is not None and total >= progress for progress, total in told)
+
+    _run(folder, calls)
+
+
+def test_a_denoised_look_has_less_noise(folder: Path) -> None:
+    pytest.importorskip("pyoidn", reason="no pyoidn")
+    wide = STAGE.replace("inputs:angle = 2\n", "inputs:angle = 60\n").replace("intensity = 3000", "intensity = 3")
+    (folder / "toys.usda").write_text(wide)
+
+    async def calls(client: mcp.Client) -> None:
+        asked = {"scene": "toys.usda", "views": ["/world/camera"], "size": 160, "seconds": 0.1}
+        plain, smooth = [await _asked(client, "look", **asked, denoise=denoise) for denoise in (False, True)]
+        for (row,) in (plain.table["views"], smooth.table["views"]):
+            assert row["seen"][0]["prim"] == "/world/ground"
+        assert _roughness(smooth.pictures["/world/camera"]) < 0.8 * _roughness(plain.pictures["/world/camera"])
+        same = await _asked(client, "compare", scene="toys.usda", view="/world/camera", size=160)
+        assert same.table["identical"]  # what was rendered, however it was shown
+
+    _run(folder, calls)
+
+
+def _roughness(picture: bytes) -> float:
+    """Return how much a pixel differs from those beside it."""
+    import numpy as np
+    import OpenImageIO as oiio
+
+    with tempfile.NamedTemporaryFile(suffix=".png" if picture.startswith(b"\x89PNG") else ".jpg") as file:
+        file.write(picture)
+        file.flush()
+        values = oiio.ImageBuf(file.name).get_pixels(oiio.FLOAT)
+    return float(np.abs(np.diff(values, axis=1)).mean())
 
 
 def test_refusals_have_a_code_and_a_place(folder: Path) -> None:
@@ -203,10 +271,51 @@ def test_scenes_that_were_not_used_longest_end_for_memory(folder: Path) -> None:
             request = _inspect(path)
             await scenes.answer(path, request, 60)
         assert scenes.count == 2
-        held = sum(scenes._held(process) for process in scenes._known.values())
+        held = scenes._held_by_scenes()
         scenes._limits = SceneLimits(memory_bytes=held - 1, threads=1)
         await scenes.answer(path, request, 60)
         assert list(scenes._known) == [path]
+        await scenes.close()
+
+    asyncio.run(calls())
+
+
+def test_a_process_is_ready_for_the_next_scene(folder: Path) -> None:
+    async def calls() -> None:
+        scenes = SceneProcesses([folder.resolve()], SceneLimits(memory_bytes=2 * GiB, threads=1))
+        scenes.get_ready()
+        assert scenes._ready is not None
+        ready = await scenes._ready
+        path = str(folder / "toys.usda")
+        await scenes.answer(path, _inspect(path), 60)
+        assert list(scenes._known.values()) == [ready]
+        assert scenes._ready is not None
+        other = await scenes._ready
+        os.killpg(other.child.pid, signal.SIGKILL)  # one that died is not used
+        await other.child.wait()
+        second = str(folder / "second.usda")
+        Path(second).write_text(STAGE)
+        await scenes.answer(second, _inspect(second), 60)
+        assert scenes._known[second] not in (ready, other)
+        left = scenes._ready
+        assert left is not None
+        await scenes.close()
+        assert left.cancelled() or not left.result().is_alive()
+
+    asyncio.run(calls())
+
+
+def test_no_process_is_ready_where_scenes_need_the_memory(folder: Path) -> None:
+    async def calls() -> None:
+        scenes = SceneProcesses([folder.resolve()], SceneLimits(memory_bytes=2 * GiB, threads=1))
+        path = str(folder / "toys.usda")
+        await scenes.answer(path, _inspect(path), 60)
+        assert scenes._ready is not None
+        await (await scenes._ready).end()
+        scenes._ready = None
+        scenes._limits = SceneLimits(memory_bytes=scenes._held_by_scenes(), threads=1)
+        scenes.get_ready()
+        assert scenes._ready is None
         await scenes.close()
 
     asyncio.run(calls())
@@ -287,30 +396,35 @@ def _broken(folder: Path) -> str:
     return path.name
 
 
+HELLO = {
+    "jsonrpc": "2.0",
+    "id": 1,
+    "method": "initialize",
+    "params": {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "test", "version": "1"}},
+}
+INITIALIZED = {"jsonrpc": "2.0", "method": "notifications/initialized"}
+
+
+def _call(tool: str, **arguments: Any) -> dict[str, Any]:
+    return {"jsonrpc": "2.0", "id": 2, "method": "tools/call", "params": {"name": tool, "arguments": arguments}}
+
+
+def _lines(*messages: Any) -> bytes:
+    return b"".join(json.dumps(message).encode() + b"\n" for message in messages)
+
+
 def test_stdout_holds_nothing_but_the_protocol(folder: Path) -> None:
-    hello = {
-        "jsonrpc": "2.0",
-        "id": 1,
-        "method": "initialize",
-        "params": {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "test", "version": "1"}},
-    }
-    call = {
-        "jsonrpc": "2.0",
-        "id": 2,
-        "method": "tools/call",
-        "params": {"name": "look", "arguments": {"scene": "toys.usda", "size": 64}},
-    }
     child = subprocess.Popen(
-        [*PRIMRAY, "--root", str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        [*PRIMRAY, "--root", str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     )
     assert child.stdin is not None
     assert child.stdout is not None
-    child.stdin.write(json.dumps(hello) + "\n")
+    child.stdin.write(_lines(HELLO))
     child.stdin.flush()
     lines = [child.stdout.readline()]
-    child.stdin.write(json.dumps({"jsonrpc": "2.0", "method": "notifications/initialized"}) + "\n" + json.dumps(call) + "\n")
+    child.stdin.write(_lines(INITIALIZED, _call("look", scene="toys.usda", size=64)))
     child.stdin.flush()
-    while not any('"id":2' in line.replace(" ", "") for line in lines):
+    while not any(b'"id":2' in line.replace(b" ", b"") for line in lines):
         lines.append(child.stdout.readline())
     rest, _ = child.communicate(timeout=60)
     assert child.returncode == 0
