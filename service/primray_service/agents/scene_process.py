@@ -1,6 +1,8 @@
 """The process of one scene: enters its sandbox, opens the stage at the first request, and answers until its stdin ends.
 
-Requests and answers are lines of JSON. Files are looked at before each request: those that have changed are read again.
+Requests and answers are lines of JSON. Files are looked at before each request: those that have changed are read again. The end
+of stdin ends the process at once, whatever it is doing: no signal says that the server died where it died before bubblewrap had
+asked for one.
 """
 
 from __future__ import annotations
@@ -8,13 +10,15 @@ from __future__ import annotations
 import json
 import os
 import sys
+import threading
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from ..sandbox import enter
-from ..worker.channel import claim_stdout
+from ..worker.channel import SERVER_GONE, claim_stdout
 
 if TYPE_CHECKING:
     from .looks import Eye
@@ -108,16 +112,24 @@ def failure(error: BaseException) -> dict[str, Any]:
     return {"code": "internal", "message": f"this is a defect in primray: {type(error).__name__}", "where": ""}
 
 
+def _read(requests: SimpleQueue[bytes]) -> None:
+    for line in sys.stdin.buffer:
+        requests.put(line)
+    os._exit(SERVER_GONE)
+
+
 def main() -> None:
     messages = claim_stdout()
     entered = enter((messages.fileno(),))
+    requests: SimpleQueue[bytes] = SimpleQueue()
+    threading.Thread(target=_read, args=(requests,), name="requests", daemon=True).start()
     from . import looks  # noqa: F401 - what takes long, before the first request
 
     scenes = Scenes(entered.out)
     messages.write(b'{"ready": true}\n')
-    for line in sys.stdin.buffer:
+    while True:
         try:
-            found = scenes.answer(json.loads(line))
+            found = scenes.answer(json.loads(requests.get()))
         except Exception as error:
             found = {"error": failure(error)}
         text = memoryview(json.dumps(found, allow_nan=False).encode() + b"\n")

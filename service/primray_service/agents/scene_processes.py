@@ -22,7 +22,7 @@ from typing import Any
 
 from primray.errors import LimitError, PrimrayError
 
-from ..executor.process import used_by
+from ..executor.process import kill_with_children, used_by
 from ..sandbox import Budget, worker_spawn
 
 PROGRAM = ("-m", "primray_service.agents.scene_process")
@@ -74,9 +74,8 @@ class SceneProcess:
 
     async def end(self) -> None:
         if self.child.returncode is None:
-            with suppress(ProcessLookupError):
-                self.child.kill()
-        await self.child.wait()
+            kill_with_children(self.child.pid)
+        await self.child.wait()  # until nothing holds its pipes
         shutil.rmtree(self.slot, ignore_errors=True)
 
 
@@ -194,10 +193,22 @@ class SceneProcesses:
         budget = Budget(memory_bytes=limits.memory_bytes, threads=limits.threads, file_bytes=limits.file_bytes)
         spawn = worker_spawn(slot, budget, PROGRAM, roots=self._roots)
         pipe = asyncio.subprocess.PIPE
-        child = await asyncio.create_subprocess_exec(
-            *spawn.argv, env=spawn.env, cwd=spawn.cwd, stdin=pipe, stdout=pipe, start_new_session=True, limit=MOST_LINE_BYTES
+        starting = asyncio.ensure_future(
+            asyncio.create_subprocess_exec(
+                *spawn.argv,
+                env=spawn.env,
+                cwd=spawn.cwd,
+                stdin=pipe,
+                stdout=pipe,
+                start_new_session=True,
+                limit=MOST_LINE_BYTES,
+            )
         )
-        process = SceneProcess(child, slot)
+        try:
+            process = SceneProcess(await asyncio.shield(starting), slot)
+        except asyncio.CancelledError:  # asyncio would kill bubblewrap alone, and wait for the pipes of what it has started
+            await SceneProcess(await starting, slot).end()
+            raise
         try:
             async with asyncio.timeout(START_S):
                 await process.line()

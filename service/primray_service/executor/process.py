@@ -294,6 +294,7 @@ class ProcessLog:
 PAGE = os.sysconf("SC_PAGE_SIZE")
 TICKS = os.sysconf("SC_CLK_TCK")
 MOST_PROCESSES = 512
+STOP_TRIES = 100  # a millisecond each, until a process that is to stop has stopped
 MOST_FILES = 10_000  # a folder with more counts as too large
 
 
@@ -327,6 +328,29 @@ def peak_rss_bytes_of(pid: int) -> int:
     except OSError:
         return 0
     return 0 if found is None else int(found[1]) * 1024
+
+
+def kill_with_children(pid: int) -> None:
+    """Kill a child of this process and its own children, also while it is starting them: bubblewrap asks only later that they
+    die with it."""
+    with suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGSTOP)  # so that it starts no more
+        for _ in range(STOP_TRIES):
+            if _state(pid) in "TtZX":
+                break
+            time.sleep(0.001)
+        for process in (*_children(pid), pid):
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+
+
+def _state(pid: int) -> str:
+    """Return the letter of a process's state in /proc; X: it is gone."""
+    try:
+        with open(f"/proc/{pid}/stat", "rb", buffering=0) as file:
+            return chr(file.read().rpartition(b")")[2].split()[0][0])
+    except (OSError, IndexError):
+        return "X"
 
 
 def innermost(pid: int) -> int:

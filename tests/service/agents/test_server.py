@@ -34,6 +34,7 @@ from mcp.client.stdio import StdioServerParameters, stdio_client
 from primray_service.agents import looks
 from primray_service.agents.scene_processes import SceneLimits, SceneProcesses, _moved
 from primray_service.agents.server import Access, create_server
+from primray_service.worker.channel import SERVER_GONE
 
 from .conftest import STAGE, Answer, read
 
@@ -319,6 +320,77 @@ def test_no_process_is_ready_where_scenes_need_the_memory(folder: Path) -> None:
         await scenes.close()
 
     asyncio.run(calls())
+
+
+def test_a_server_that_ends_while_a_process_starts_leaves_none(folder: Path) -> None:
+    async def calls() -> None:
+        for delay in (0.0, 0.01, 0.03, 0.1):  # as bubblewrap starts another process, and before and after
+            scenes = SceneProcesses([folder.resolve()], SceneLimits(memory_bytes=2 * GiB, threads=1))
+            scenes.get_ready()
+            await asyncio.sleep(delay)
+            async with asyncio.timeout(60):
+                await scenes.close()
+            assert _processes_for(folder) == []
+
+    asyncio.run(calls())
+
+
+def test_the_end_of_stdin_ends_a_process_at_once(folder: Path) -> None:
+    async def calls() -> None:
+        scenes = SceneProcesses([folder.resolve()], SceneLimits(memory_bytes=2 * GiB, threads=1))
+        path = str(folder / "toys.usda")
+        await scenes.answer(path, _inspect(path), 60)
+        (process,) = scenes._known.values()
+        assert process.child.stdin is not None
+        asking = asyncio.create_task(process.ask({**_inspect(path), "do": "doctor", "size": 256, "seconds": 300}, 300))
+        await asyncio.sleep(1)
+        process.child.stdin.close()
+        async with asyncio.timeout(60):
+            with pytest.raises(EOFError):
+                await asking
+            assert await process.child.wait() == SERVER_GONE
+        await scenes.close()
+
+    asyncio.run(calls())
+
+
+def test_processes_end_with_a_server_that_is_killed(folder: Path) -> None:
+    server = subprocess.Popen(
+        [*PRIMRAY, "--root", str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    )
+    assert server.stdin is not None
+    assert server.stdout is not None
+    server.stdin.write(_lines(HELLO, INITIALIZED, _call("look", scene="toys.usda", size=64)))
+    server.stdin.flush()
+    while b'"id":2' not in server.stdout.readline().replace(b" ", b""):
+        pass
+    arguments = {"scene": "toys.usda", "name": "long", "target_error": 1e-9, "seconds": 60}
+    server.stdin.write(_lines(_call("render", **arguments)))
+    server.stdin.flush()
+    time.sleep(0.5)
+    assert len(_processes_for(folder)) > 0  # the scene's, and one that starts
+    server.kill()
+    server.communicate()
+    for _ in range(300):
+        if not _processes_for(folder):
+            break
+        time.sleep(0.1)
+    assert _processes_for(folder) == []
+
+
+def _processes_for(folder: Path) -> list[int]:
+    """Return the sandboxed processes that may read a folder, and what bubblewrap runs around them."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            if (place / "stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                continue  # it has ended, and nobody has asked how
+            words = (place / "cmdline").read_bytes() + (place / "environ").read_bytes()
+        except OSError:
+            continue
+        if b"primray_service.agents.scene_process" in words and str(folder).encode() in words:
+            found.append(int(place.name))
+    return found
 
 
 def test_a_link_that_a_process_writes_is_not_followed(tmp_path: Path) -> None:
