@@ -51,6 +51,8 @@ if TYPE_CHECKING:
     from .incremental.scene import Scene, render_frames
     from .labels.things import Thing
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
+    from .light_meter.measuring import Measurement, measure
+    from .light_meter.meters import LightMeter, MeterGrid, MeterKind
     from .light_mix.mix import LightMix, relight
     from .render.products import Product, render_products
     from .render.stereo import StereoImage, render_stereo
@@ -74,9 +76,13 @@ __all__ = [
     "Filter",
     "Ground",
     "Image",
+    "LightMeter",
     "LightMix",
     "LocalProcesses",
     "MachineCheck",
+    "Measurement",
+    "MeterGrid",
+    "MeterKind",
     "Metric",
     "Panorama",
     "PixelLog",
@@ -104,6 +110,7 @@ __all__ = [
     "estimate",
     "inspect",
     "looking_at",
+    "measure",
     "profile",
     "read_image",
     "relight",
@@ -125,9 +132,13 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
         "Image": "images.image",
+        "LightMeter": "light_meter.meters",
         "LightMix": "light_mix.mix",
         "LocalProcesses": "distributed.local_processes",
         "MachineCheck": "diagnosis.machine",
+        "Measurement": "light_meter.measuring",
+        "MeterGrid": "light_meter.meters",
+        "MeterKind": "light_meter.meters",
         "PixelLog": "diagnosis.pixel_log",
         "Product": "render.products",
         "Projection": "camera",
@@ -144,6 +155,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "estimate": "diagnosis.estimate",
         "inspect": "diagnosis.inspection",
         "looking_at": "camera",
+        "measure": "light_meter.measuring",
         "profile": "report.profile",
         "read_image": "images.reading",
         "relight": "light_mix.mix",

@@ -7,7 +7,7 @@ namespace {
 
 struct HeldDistortion : DistortionInput {
   InArray<double> held_coefficients;
-  InArray<float> held_directions;
+  InArray<float> held_directions, held_places;
 };
 
 struct HeldCamera : CameraInput {
@@ -33,6 +33,7 @@ void bind_distortion(nb::module_& m) {
   def_numbers(distortion, "table_window", &HeldDistortion::table_window);
   def_array(distortion, "coefficients", &HeldDistortion::held_coefficients, &HeldDistortion::coefficients);
   def_array(distortion, "directions", &HeldDistortion::held_directions, &HeldDistortion::directions);
+  def_array(distortion, "places", &HeldDistortion::held_places, &HeldDistortion::places);
 }
 
 void set_distortion(HeldCamera& c, const HeldDistortion& d) { c.held_distortion = d, c.distortion = c.held_distortion; }

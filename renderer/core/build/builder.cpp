@@ -23,11 +23,12 @@ namespace primray {
 namespace {
 
 DistortionModel model_of(std::string_view name) {
-  constexpr std::array<std::pair<std::string_view, DistortionModel>, 6> kModels{{
+  constexpr std::array<std::pair<std::string_view, DistortionModel>, 7> kModels{{
       {"rational", DistortionModel::kRational},
       {"angle-to-radius", DistortionModel::kAngleToRadius},
       {"radius-to-angle", DistortionModel::kRadiusToAngle},
       {"table", DistortionModel::kTable},
+      {"rays", DistortionModel::kRays},
       {"lat-long", DistortionModel::kLatLong},
       {"cube", DistortionModel::kCube},
   }};
@@ -54,8 +55,12 @@ void SceneBuilder::set_distortion(const DistortionInput& input) {
                  w[1],
                  w[2],
                  w[3],
-                 std::vector<float>(input.directions.begin(), input.directions.end())};
-  if (made->table.directions.size() != 3 * size_t(made->table.columns) * size_t(made->table.rows))
+                 std::vector<float>(input.directions.begin(), input.directions.end()),
+                 std::vector<float>(input.places.begin(), input.places.end())};
+  for (float& coordinate : made->table.places) coordinate = float(coordinate * scene_->scale);
+  const size_t directions = 3 * size_t(made->table.columns) * size_t(made->table.rows);
+  if (made->table.directions.size() != directions ||
+      made->table.places.size() != (made->model == DistortionModel::kRays ? directions : 0))
     throw Error("internal", "the table of directions has the wrong size");
   made->limit();
   Camera& camera = scene_->camera;

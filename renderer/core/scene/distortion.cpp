@@ -188,6 +188,7 @@ void Distortion::limit() {
       return;
     }
     case DistortionModel::kTable:
+    case DistortionModel::kRays:
     case DistortionModel::kLatLong:
     case DistortionModel::kCube:
       most_inside = most_radius = std::numeric_limits<double>::infinity();
@@ -250,6 +251,12 @@ std::optional<dvec3> DirectionTable::at(double x, double y) const {
   return size > 0 ? std::optional(sum * (1 / size)) : std::nullopt;
 }
 
+size_t DirectionTable::texel(double x, double y) const {
+  const double column = (x - left) / (right - left) * columns, row = (top - y) / (top - bottom) * rows;
+  const int i = std::clamp(int(std::floor(column)), 0, columns - 1), j = std::clamp(int(std::floor(row)), 0, rows - 1);
+  return size_t(j) * size_t(columns) + size_t(i);
+}
+
 Distortion::Angles Distortion::angles(double x, double y) const {
   if (!has_eyes()) return {x, y, 0};
   if (k[1] == 2) return {x, y, k[2] < 0 ? -1.0 : 1.0};
@@ -259,6 +266,10 @@ Distortion::Angles Distortion::angles(double x, double y) const {
 
 // Eyes are on a circle, across the direction's longitude, and come together towards the poles.
 dvec3 Distortion::eye(double x, double y) const {
+  if (model == DistortionModel::kRays) {
+    const float* const place = &table.places[3 * table.texel(x, y)];
+    return {place[0], place[1], place[2]};
+  }
   const Angles a = angles(x, y);
   const double aside = 0.5 * k[0] * a.side * std::max(sincos_around(a.latitude).cos, 0.0);
   const SinCos1 longitude = sincos_around(a.longitude);
@@ -292,6 +303,10 @@ std::optional<dvec3> Distortion::direction(double x, double y) const {
     return normalize(cube_direction(face, 2 * (x - column) - 1, 2 * (y + row) + 1));
   }
   if (model == DistortionModel::kRational) return undistorted(x, y);
+  if (model == DistortionModel::kRays) {
+    const float* const d = &table.directions[3 * table.texel(x, y)];
+    return dvec3{d[0], d[1], d[2]};
+  }
   if (model == DistortionModel::kTable) {
     const std::optional<dvec3> d = table.at(x, y);
     return d && -d->z >= sincos_of(std::min(most_angle, kPi)).cos - 1e-12 ? d : std::nullopt;
@@ -333,6 +348,7 @@ std::optional<dvec3> Distortion::searched(const dvec3& d, dvec3 from) const {
 
 std::optional<dvec3> Distortion::film_point(const dvec3& d, const dvec3& near) const {
   if (model == DistortionModel::kTable) return searched(normalize(d), near);
+  if (model == DistortionModel::kRays) return std::nullopt;
   if (model == DistortionModel::kLatLong) return lat_long_point(d, near);
   if (model == DistortionModel::kCube) {
     const double x = std::fabs(d.x), y = std::fabs(d.y), z = std::fabs(d.z), most = std::max({x, y, z});
@@ -357,6 +373,7 @@ std::optional<dvec3> Distortion::film_point(const dvec3& d, const dvec3& near) c
 }
 
 double Distortion::finest(double left, double right, double bottom, double top) const {
+  if (model == DistortionModel::kRays) return 1;
   constexpr int kPlaces = 16;
   const double dx = (right - left) * 1e-4, dy = (top - bottom) * 1e-4;
   double least = 1;

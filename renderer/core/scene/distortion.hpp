@@ -18,6 +18,7 @@ enum class DistortionModel {
   // other, 1 if they are side by side, the left eye's first; k2 is half the extent of one of them in that direction. k1 2: one
   // of the eyes alone, the left one if k2 is below 0.
   kLatLong,
+  kRays,  // a place and a direction for each texel, the same all over it
   kCube,  // squares of width 1, right and down from (0, 0): +X, -X, +Y, -Y, +Z, -Z; k0: columns
 };
 
@@ -26,8 +27,11 @@ struct DirectionTable {
   int columns = 0, rows = 0;
   double left = 0, right = 0, bottom = 0, top = 0;  // extent of the whole table on the film
   std::vector<float> directions;
+  std::vector<float> places;  // in camera space, likewise; of kRays
 
   std::optional<dvec3> at(double x, double y) const;
+  // Number of the texel of a film point; of one beyond the table that of the nearest.
+  size_t texel(double x, double y) const;
 };
 
 struct Distortion {
@@ -50,13 +54,14 @@ struct Distortion {
   std::optional<dvec3> direction(double x, double y) const;
 
   // Whether rays of different film points come from different places: those of two eyes on a circle (Google 2015, "Rendering
-  // Omni-directional Stereo Content").
-  bool has_eyes() const { return model == DistortionModel::kLatLong && k[0] != 0; }
+  // Omni-directional Stereo Content"), or a table's.
+  bool has_eyes() const { return model == DistortionModel::kRays || (model == DistortionModel::kLatLong && k[0] != 0); }
   // Place in camera space from which the film point (x, y) is seen.
   dvec3 eye(double x, double y) const;
 
-  // Film point (x, y, 0) of a direction of any length; none if the lens does not see it. With two eyes `d` is a position, and
-  // the film point is in the picture in which `near` is. `near`: film point at which the search in a table begins.
+  // Film point (x, y, 0) of a direction of any length; none if the lens does not see it, or is a table of rays. With two eyes
+  // `d` is a position, and the film point is in the picture in which `near` is. `near`: film point at which the search in a
+  // table begins.
   std::optional<dvec3> film_point(const dvec3& d, const dvec3& near) const;
 
   // Smallest spacing of directions in this window, relative to the film's middle: 1 or less.

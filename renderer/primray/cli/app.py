@@ -30,6 +30,7 @@ from .commands.dataset import dataset
 from .commands.doctor import doctor
 from .commands.estimate import estimate
 from .commands.inspect import inspect
+from .commands.measure import measure
 from .commands.merge import merge
 from .commands.relight import relight
 from .commands.render import render
@@ -239,6 +240,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "compare": compare,
     "relight": relight,
     "sensor": sensor,
+    "measure": measure,
     "ci": ci,
     "doctor": doctor,
 }

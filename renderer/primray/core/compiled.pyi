@@ -1012,6 +1012,8 @@ class DistortionInput:
 
     directions: NDArray[numpy.float32]
 
+    places: NDArray[numpy.float32]
+
 class CameraInput:
     def __init__(self) -> None: ...
     @property

@@ -374,7 +374,10 @@ def distortion_input(d: Distortion) -> compiled.DistortionInput:
         return made
     rows, columns, _ = d.table.directions.shape
     directions = np.ascontiguousarray(d.table.directions, np.float32).ravel()
-    return filled(made, table_window=d.table.window, table_rows=rows, table_columns=columns, directions=directions)
+    filled(made, table_window=d.table.window, table_rows=rows, table_columns=columns, directions=directions)
+    if d.table.places is not None:
+        made.places = np.ascontiguousarray(d.table.places, np.float32).ravel()
+    return made
 
 
 def shape_boxes(shapes: Sequence[Shape]) -> Doubles:

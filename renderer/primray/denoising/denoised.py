@@ -26,7 +26,7 @@ from .. import core
 from ..arrays import Doubles, Floats
 from ..errors import SettingsError
 from ..images.image import Image
-from ..sampling.error import Z95, Estimate
+from ..sampling.error import Estimate, student_quantile
 from ..settings import Metric, RenderSettings, StopAt
 from .denoiser import Denoiser, Guides, check_denoiser, denoiser_name
 
@@ -95,23 +95,9 @@ def _estimate(squares: Doubles) -> Estimate:
     largest = float(np.abs(tiles).max(initial=0.0)) or 1.0
     shares = (tiles / largest) ** 2
     freedom = float(shares.sum()) ** 2 / max(float((shares**2).sum()), TINY)
-    step = student95(freedom) * largest * math.sqrt(float(shares.sum())) / squares.size
+    step = student_quantile(freedom) * largest * math.sqrt(float(shares.sum())) / squares.size
     value = float(squares.mean())
     return Estimate(max(value, 0.0), max(value - step, 0.0), max(value + step, -value))
-
-
-def student95(freedom: float) -> float:
-    """Return the two-sided 95 % quantile of Student's t distribution, with at least 2 degrees of freedom.
-
-    Abramowitz and Stegun 26.7.5.
-    """
-    z, n = Z95, max(freedom, 2.0)
-    terms = (
-        (z**3 + z) / 4,
-        (5 * z**5 + 16 * z**3 + 3 * z) / 96,
-        (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384,
-    )
-    return z + sum(term / n**power for power, term in enumerate(terms, start=1))
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ class DistortionModel(Enum):
 
     RATIONAL: OpenCV's pinhole, k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4. ANGLE_TO_RADIUS: the radius on the film is k0 a + k1 a^3 +
     k2 a^5 + k3 a^7 + k4 a^9 of the angle to the axis. RADIUS_TO_ANGLE: the angle is k0 + k1 r + k2 r^2 + k3 r^3 + k4 r^4 of the
-    radius. TABLE: directions.
+    radius. TABLE: directions. RAYS: a place and a direction for each texel, the same all over it, as of many sensors at once.
 
     LAT_LONG: the film point is the longitude and the latitude in radians. k0 is the distance of two eyes in scene units, 0 for
     one. k1 is 0 where the left eye's picture is above the right one's, 1 where it is left of it; k2 is half the extent of one
@@ -44,6 +44,7 @@ class DistortionModel(Enum):
     ANGLE_TO_RADIUS = "angle-to-radius"
     RADIUS_TO_ANGLE = "radius-to-angle"
     TABLE = "table"
+    RAYS = "rays"
     LAT_LONG = "lat-long"
     CUBE = "cube"
 
@@ -53,9 +54,11 @@ COEFFICIENT_COUNTS = {
     DistortionModel.ANGLE_TO_RADIUS: 5,
     DistortionModel.RADIUS_TO_ANGLE: 5,
     DistortionModel.TABLE: 0,
+    DistortionModel.RAYS: 0,
     DistortionModel.LAT_LONG: 3,
     DistortionModel.CUBE: 1,
 }
+WITH_TABLE = (DistortionModel.TABLE, DistortionModel.RAYS)
 # Each face's right and up in camera space, seen from within, as OpenEXR has them (ImfEnvmap), in one column.
 CUBE_FACES = {
     "+X": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
@@ -69,7 +72,7 @@ CUBE_FACES = {
 
 @dataclass(frozen=True, eq=False)
 class DirectionTable:
-    """Table of directions at texel centres, interpolated linearly.
+    """Table of directions at texel centres, interpolated linearly, unless each is a ray from a place of its own.
 
     >>> ahead = np.full((2, 2, 3), (0.0, 0.0, -1.0), np.float32)
     >>> primray.DirectionTable((-1.0, 1.0, -1.0, 1.0), ahead).at(np.zeros((1, 2))).tolist()
@@ -78,6 +81,7 @@ class DirectionTable:
 
     window: tuple[float, float, float, float]  # left, right, bottom, top of the table on the film
     directions: Floats  # (rows, columns, 3) of unit length, first row at the top; NaN where the lens sees nothing
+    places: Floats | None = None  # (rows, columns, 3) in camera space, in scene units; for the model RAYS
 
     def at(self, film: Doubles) -> Doubles:
         """Return directions (N, 3) of film points (N, 2), not normalized; NaN outside of the table."""
@@ -106,7 +110,7 @@ class Distortion:
     model: DistortionModel
     coefficients: tuple[float, ...]
     most_angle_deg: float = 180.0
-    table: DirectionTable | None = None  # for the model TABLE
+    table: DirectionTable | None = None  # for the models TABLE and RAYS
 
     @property
     def has_eyes(self) -> bool:
@@ -116,13 +120,15 @@ class Distortion:
     def project(self, directions: Any, *, right_eye: bool = False) -> Doubles:
         """Return film points (N, 2) of directions (N, 3) of any length; NaN for directions that the lens does not see.
 
-        Where two eyes see, `directions` are positions in camera space, and the points are in the left eye's picture, or in the
-        right one's.
+        Rays of a table see points, no directions: all are NaN. Where two eyes see, `directions` are positions in camera space,
+        and the points are in the left eye's picture, or in the right one's.
         """
         d = np.atleast_2d(np.asarray(directions, np.float64))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             if self.model is DistortionModel.RATIONAL:
                 return self._rational(d)
+            if self.model is DistortionModel.RAYS:
+                return np.full((len(d), 2), np.nan)
             if self.model is DistortionModel.TABLE:
                 return self._looked_up(d)
             if self.model is DistortionModel.LAT_LONG:
@@ -319,13 +325,24 @@ def distortion_as_json(distortion: Distortion | None) -> dict[str, Any] | None:
         "most_angle_deg": distortion.most_angle_deg,
     }
     if distortion.table is not None:
-        directions = np.ascontiguousarray(distortion.table.directions, "<f4")
+        table = distortion.table
         made["table"] = {
-            "window": list(distortion.table.window),
-            "shape": list(directions.shape),
-            "directions": b64encode(compress(directions.tobytes())).decode(),  # float32, little-endian, through zlib
+            "window": list(table.window),
+            "shape": list(table.directions.shape),
+            "directions": _packed(table.directions),
         }
+        if table.places is not None:
+            made["table"]["places"] = _packed(table.places)
     return made
+
+
+def _packed(numbers: Floats) -> str:
+    """Return numbers as float32, little-endian, through zlib, in base 64."""
+    return b64encode(compress(np.ascontiguousarray(numbers, "<f4").tobytes())).decode()
+
+
+def _unpacked(text: str, shape: Any) -> Floats:
+    return np.frombuffer(decompress(b64decode(text)), "<f4").reshape(shape).astype(np.float32)
 
 
 def distortion_of(values: Mapping[str, Any] | None) -> Distortion | None:
@@ -334,11 +351,11 @@ def distortion_of(values: Mapping[str, Any] | None) -> Distortion | None:
         return None
     model, table = DistortionModel(values["model"]), values.get("table")
     coefficients = tuple(float(k) for k in values["coefficients"])
-    if len(coefficients) != COEFFICIENT_COUNTS[model] or (table is None) != (model is not DistortionModel.TABLE):
+    if len(coefficients) != COEFFICIENT_COUNTS[model] or (table is None) != (model not in WITH_TABLE):
         raise ValueError
     read = None
     if table is not None:
         left, right, bottom, top = map(float, table["window"])
-        directions = np.frombuffer(decompress(b64decode(table["directions"])), "<f4").reshape(table["shape"])
-        read = DirectionTable((left, right, bottom, top), directions.astype(np.float32))
+        places = _unpacked(table["places"], table["shape"]) if model is DistortionModel.RAYS else None
+        read = DirectionTable((left, right, bottom, top), _unpacked(table["directions"], table["shape"]), places)
     return Distortion(model, coefficients, float(values["most_angle_deg"]), read)

@@ -31,6 +31,21 @@ ONE_PERCENT = 1e-4  # relMSE: the square of an error of 1 %
 DISPLAY_PIXELS = 1 << 14  # a view costs 0.6 microseconds a pixel; this many give its error to a percent
 
 
+def student_quantile(freedom: float, z: float = Z95) -> float:
+    """Return the quantile of Student's t distribution at the probability where the normal one's is `z`, by default half of a
+    95 % interval; with at least 2 degrees of freedom.
+
+    Abramowitz and Stegun 26.7.5.
+    """
+    n = max(freedom, 2.0)
+    terms = (
+        (z**3 + z) / 4,
+        (5 * z**5 + 16 * z**3 + 3 * z) / 96,
+        (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384,
+    )
+    return z + sum(term / n**power for power, term in enumerate(terms, start=1))
+
+
 @dataclass(frozen=True)
 class Estimate:
     """An error with the ends of its 95 % interval."""

@@ -162,7 +162,7 @@ def _check_flaws(name: str, given: Camera, require: Callable[[bool, str], None])
 
 def _check_distortion(given: Camera, require: Callable[[bool, str], None]) -> None:
     from ..camera import Projection
-    from ..lens.distortion import COEFFICIENT_COUNTS, Distortion, DistortionModel
+    from ..lens.distortion import COEFFICIENT_COUNTS, WITH_TABLE, Distortion, DistortionModel
 
     lens = given.distortion
     if not isinstance(lens, Distortion):
@@ -174,6 +174,12 @@ def _check_distortion(given: Camera, require: Callable[[bool, str], None]) -> No
     require(finite and len(lens.coefficients) == wanted, f"distortion needs {wanted} finite coefficients: {lens.model.value}")
     require(0 < lens.most_angle_deg <= 180, f"most_angle_deg must be above 0, 180 or less, not {lens.most_angle_deg}")
     require(
-        (lens.table is not None) == (lens.model is DistortionModel.TABLE),
-        "distortion must have a table if its model is TABLE, and only then",
+        (lens.table is not None) == (lens.model in WITH_TABLE),
+        "distortion must have a table if its model is TABLE or RAYS, and only then",
     )
+    if lens.table is not None:
+        places = lens.table.places
+        require(
+            (places is not None) == (lens.model is DistortionModel.RAYS),
+            "a table has places if its model is RAYS, and only then",
+        )

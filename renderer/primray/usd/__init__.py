@@ -10,6 +10,7 @@ precision and column-vector.
 from .camera.camera import nearest_of
 from .camera.framed_objects import framed_bounds
 from .camera.session_camera import camera_layer, has_camera, is_session_camera, place_camera
+from .inspect.authored_meters import AuthoredMeter, authored_meters
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
 from .inspect.labelled import LabelledPrim, LabelledPrims
 from .inspect.layer_edits import Edit, edits_between, files_named, made_alone, sampled_times, used_layer
@@ -31,6 +32,7 @@ from .translate import camera_paths, translate
 from .variation.varied_stage import VariedStage
 
 __all__ = [
+    "AuthoredMeter",
     "Dependencies",
     "Edit",
     "LabelledPrim",
@@ -39,6 +41,7 @@ __all__ = [
     "RenderVariable",
     "VariedStage",
     "assets_of",
+    "authored_meters",
     "bound_materials",
     "camera_layer",
     "camera_paths",

@@ -46,7 +46,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
         "distributed",
         "render",
     ),
-    "tools": ("diagnosis", "incremental", "live", "notebook", "compare", "ci", "dataset", "sensor"),
+    "tools": ("diagnosis", "incremental", "live", "notebook", "compare", "ci", "dataset", "sensor", "light_meter"),
     "command line": ("cli",),
 }
 

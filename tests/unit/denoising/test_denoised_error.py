@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from primray.arrays import Doubles
-from primray.denoising.denoised import Halves, cross_half_error, student95
+from primray.denoising.denoised import Halves, cross_half_error
+from primray.sampling.error import student_quantile
 
 SIZE, RUNS = (24, 32), 200
 
@@ -81,7 +82,7 @@ def test_an_estimate_far_below_0_leaves_doubt() -> None:
 
 @pytest.mark.parametrize(("freedom", "quantile"), [(3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042), (1e9, 1.960)])
 def test_the_quantile_is_students(freedom: float, quantile: float) -> None:
-    assert student95(freedom) == pytest.approx(quantile, rel=0.02)
+    assert student_quantile(freedom) == pytest.approx(quantile, rel=0.02)
 
 
 def test_an_error_of_few_tiles_is_known_less_well() -> None:

@@ -23,6 +23,7 @@ struct DistortionInput {
   double table_window[4] = {};  // left, right, bottom, top
   int table_columns = 0, table_rows = 0;
   std::span<const float> directions;  // 3 per texel
+  std::span<const float> places;      // likewise, in scene units; of a table of rays
 };
 
 // Input of the camera, with the film's window and filter.

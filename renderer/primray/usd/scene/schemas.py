@@ -24,8 +24,8 @@ PHYSICAL = PHOTOMETRIC | {ILLUMINANT}
 # Primray's schemas, and those of other programs that adapters/cameras/ reads.
 _READ_OF_OTHERS = """OmniLensDistortionFthetaAPI OmniLensDistortionKannalaBrandtK3API OmniLensDistortionLutAPI
     OmniLensDistortionOpenCvFisheyeAPI OmniLensDistortionOpenCvPinholeAPI OmniLensDistortionRadTanThinPrismAPI
-    OmniRtxRollingShutterAPI PrimrayFogAPI PrimrayLensAPI PrimrayRenderProductAPI PrimrayRenderSettingsAPI
-    PrimrayRenderVarAPI PrimrayVolumeAPI"""
+    OmniRtxRollingShutterAPI PrimrayFogAPI PrimrayLensAPI PrimrayLightMeterAPI PrimrayRenderProductAPI
+    PrimrayRenderSettingsAPI PrimrayRenderVarAPI PrimrayVolumeAPI"""
 # Physics, user interfaces, statements about the asset; LightListAPI only speeds up finding lights. The parts of a particle
 # field are irrelevant because the field itself is not rendered.
 _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI HydraPrimAPI HydraRenderPassAPI LightListAPI

@@ -1,0 +1,271 @@
+"""Measuring light on a stage: `primray measure` and `primray.measure`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from .. import usd
+from ..color.color_space import luminance_weights
+from ..description import SceneDescription, TextureFile
+from ..diagnostics import Diagnostics
+from ..errors import SettingsError
+from ..render.interruption import interruption
+from ..render.prepare import Steps, Textures, prepare
+from ..render.render import with_setting_names
+from ..report.report import Costs
+from ..sampling.sampling import Sampling
+from ..settings import RenderSettings, StudioLight, with_values
+from ..settings.stage_settings import NOTHING_ASKED
+from .facets import APART, SIDES, Facets, camera_of, dicing_camera, facets_of, groups_apart, half_width, with_facets
+from .meters import CODE, LightMeter, MeterGrid, MeterKind, Meters
+from .readings import GridReading, Measured, Precision, PrecisionJudge, Reading, grids_of, readings_of
+from .sky import OUTSIDE, under_overcast_sky
+
+if TYPE_CHECKING:
+    from ..diagnostics import Diagnostic
+    from ..report.prepared import Prepared
+    from ..sampling.sampling import Progress
+    from ..settings.written import SettingsValues
+    from ..textures.texture import Texture
+
+MOST_SAMPLES = 1 << 16  # of each of a meter's pixels
+# What a measurement decides itself.
+OWN = (
+    "camera",
+    "resolution",
+    "aovs",
+    "target_error",
+    "adaptive",
+    "denoise",
+    "stop_at",
+    "sample_range",
+    "filter",
+    "filter_width",
+)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Readings of all meters, in lux, or as shares of 1 for daylight factors; grids; and how they were taken.
+
+    >>> measurement = primray.measure("shot.usda", [primray.LightMeter("ground", (0.0, 0.0, 3.0))], target=0.2)
+    >>> measurement["ground"].met, measurement["ground"].value > 0
+    (True, True)
+    """
+
+    readings: tuple[Reading, ...]
+    grids: tuple[GridReading, ...]
+    is_daylight_factor: bool
+    maintenance_factor: float
+    report: Mapping[str, Any]
+
+    def __getitem__(self, name: str) -> Reading:
+        return next(reading for reading in self.readings if reading.meter.name == name)
+
+    @property
+    def met(self) -> bool:
+        """Whether all readings are as precise as asked."""
+        return all(reading.met for reading in self.readings)
+
+    def as_json(self) -> dict[str, Any]:
+        kind = "daylight-factor" if self.is_daylight_factor else "illuminance"
+        return {
+            "type": "measurement",
+            "quantity": kind,
+            "unit": "1" if self.is_daylight_factor else "lx",
+            "met": self.met,
+            "maintenance_factor": self.maintenance_factor,
+            "readings": [reading.as_json() for reading in self.readings],
+            "grids": [grid.as_json() for grid in self.grids],
+            **self.report,
+        }
+
+
+class _MeterSteps(Steps):
+    """The steps of a render, with facets for the meters in the scene, and under the overcast sky if that is asked for."""
+
+    def __init__(self, facets: Facets, *, is_overcast: bool) -> None:
+        self._facets, self._is_overcast = facets, is_overcast
+        self._sky: Mapping[TextureFile, list[tuple[int, Texture]]] = MappingProxyType({})
+
+    def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
+        description, told = super().translate(stage, settings)
+        return with_facets(replace(description, asked=NOTHING_ASKED), self._facets), told
+
+    def load_textures(
+        self, description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings
+    ) -> tuple[SceneDescription, Textures]:
+        if not self._is_overcast:
+            return super().load_textures(description, diagnostics, settings)
+        description, self._sky = under_overcast_sky(description)
+        lights = description.lights
+        description, textures = super().load_textures(replace(description, lights=()), diagnostics, settings)
+        return replace(description, lights=lights), {**textures, **self._sky}
+
+
+@with_setting_names
+def measure(
+    stage: str | os.PathLike[str] | Any,
+    meters: Iterable[LightMeter | MeterGrid] | None = None,
+    settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
+    *,
+    target: float = 0.02,
+    of_mean: bool = False,
+    simultaneous: bool = False,
+    daylight_factor: bool = False,
+    maintenance_factor: float = 1.0,
+    progress: Progress | None = None,
+    **values: Unpack[SettingsValues],
+) -> Measurement:
+    """Measure light at meters on a stage, given as a Usd.Stage or as a path, until each reading's 95 % interval is within
+    `target` times its value.
+
+    >>> measurement = primray.measure("shot.usda", [primray.LightMeter("here", (0.0, 0.0, 3.0))], target=0.2, seed=1)
+    >>> measurement.readings[0].low < measurement.readings[0].value < measurement.readings[0].high
+    True
+
+    `meters`: points and grids; None: those that the stage has (PrimrayLightMeterAPI). `of_mean`: the mean of each grid is to be
+    that precise, not each meter of it. `simultaneous`: the intervals hold all together with 95 %. `daylight_factor`: shares of
+    the illuminance of the open ground under the CIE's overcast sky, with all other lights off. `maintenance_factor`: light that
+    is left when lamps and surfaces have aged; all readings are multiplied by it.
+
+    Readings are lux where the stage's lights are photometric: UsdLux's unit of radiance is a nit. Meters that get less than a
+    thousandth of what the brightest gets need only as many lux of precision as if they got that much. Fields of RenderSettings
+    may be given by name: `spp` is the most samples of each of a meter's 64 pixels (65,536), `time_limit_s` the most seconds.
+    Those of the camera and the picture have no effect, nor have the render settings of the stage.
+
+    Raises SettingsError, SceneError or LimitError as `primray.render` does; KeyboardInterrupt where Ctrl-C stops it.
+    """
+    settings = with_values(settings, values)
+    if not 0 < maintenance_factor <= 1:
+        raise SettingsError(f"a maintenance factor is above 0, at most 1, not {maintenance_factor}", code=CODE)
+    precision = Precision(target, of_mean, simultaneous)
+    opening, diagnostics, costs = Diagnostics(), Diagnostics(), Costs()
+    with costs.stage("open"):
+        opened = usd.open_stage(stage, opening, settings.composition)
+    authored = usd.authored_meters(opened, settings.time_code, diagnostics)
+    given = [_of_prim(one) for one in authored.meters] if meters is None else list(meters)
+    meters_of_all = Meters.of(given, authored.meters_per_unit, authored.up)
+    positions = meters_of_all.positions()
+    half = half_width(positions, authored.meters_per_unit)
+    groups = groups_apart(positions, 2 * APART * half)
+    measured, passes = Measured.none(len(positions)), []
+    for number, group in enumerate(groups):
+        meters_here = Meters(tuple(meters_of_all.meters[k] for k in group), meters_of_all.up)
+        facets = facets_of(meters_here, half)
+        told = diagnostics if number == 0 else Diagnostics()  # all groups are told the same
+        steps = _MeterSteps(facets, is_overcast=daylight_factor)
+        prepared = prepare(opened, opening, _asked(settings, facets), costs, told, steps=steps)
+        judge = PrecisionJudge(meters_here.meters, replace(precision, count=len(positions)))
+        sampling = _sampled(prepared, judge, costs, partial(_shown, progress, number, len(groups)))
+        passes.append(sampling)
+        weights = luminance_weights(prepared.scene.rendering_space)
+        measured.put(group, Measured.of_film(sampling.film, weights, len(group)))
+    unit = OUTSIDE / maintenance_factor if daylight_factor else 1 / maintenance_factor
+    measured = measured.over(unit)
+    precision = replace(precision, count=len(positions))
+    readings = readings_of(measured, meters_of_all.meters, precision)
+    _note_darkness(readings, diagnostics)
+    return Measurement(
+        tuple(readings),
+        tuple(grids_of(measured, readings)),
+        daylight_factor,
+        maintenance_factor,
+        _report(passes, costs, precision, [*opening, *diagnostics]),
+    )
+
+
+def _asked(settings: RenderSettings, facets: Facets) -> RenderSettings:
+    """Return the settings of a picture of the facets."""
+    camera, resolution = camera_of(facets)
+    plain = RenderSettings()
+    return replace(
+        replace(settings, **{name: getattr(plain, name) for name in OWN}),
+        camera=camera,
+        resolution=resolution,
+        dicing_camera=dicing_camera(facets, resolution),
+        spp=MOST_SAMPLES if settings.spp is None else settings.spp,
+        denoise=False,
+        adaptive=False,
+        filter_width=0.5,
+        motion_blur=False,
+        studio_light=StudioLight.OFF,
+        default_light=False,
+    )
+
+
+def _sampled(prepared: Prepared, judge: PrecisionJudge, costs: Costs, progress: Callable[[float, int, int], bool]) -> Sampling:
+    """Return the sampling of a picture of facets, which has ended; KeyboardInterrupt where it was interrupted."""
+    with costs.stage("render"), interruption() as signal:
+        sampling = Sampling.begin(prepared.scene, prepared.settings)
+        sampling.judge_by = judge
+        sampling.run(lambda fraction, samples, rays: not signal.asked and progress(fraction, samples, rays))
+    if signal.asked or (sampling.stop is not None and sampling.stop.reason == "interrupted"):
+        raise KeyboardInterrupt
+    return sampling
+
+
+def _shown(progress: Progress | None, number: int, of: int, fraction: float, samples: int, rays: int) -> bool:
+    return progress is None or progress((number + fraction) / of, samples, rays) is not False
+
+
+def _of_prim(one: usd.AuthoredMeter) -> LightMeter | MeterGrid:
+    """Return the meter of a prim, which looks along its -Z."""
+    x, y, origin = (one.world_from_prim[:3, k] for k in (0, 1, 3))
+    look = -np.cross(x, y)
+    if not np.any(look):
+        raise SettingsError("a light meter's prim is flat: its matrix is singular", where=one.path, code=CODE)
+    is_upright = one.kind == MeterKind.CYLINDRICAL.value
+    direction = None if is_upright else _numbers(look)
+    width, height = one.size
+    if not (width or height):
+        return LightMeter(one.path, _numbers(origin), direction, one.kind)  # type: ignore[arg-type]
+    columns, rows = (int(n) for n in one.counts)
+    return MeterGrid(
+        one.path,
+        _numbers(origin - x * width / 2 - y * height / 2),
+        _numbers(x * width),
+        _numbers(y * height),
+        None if (columns, rows) == (0, 0) else (columns, rows),
+        None if one.border < 0 else one.border,
+        direction,
+        one.kind,  # type: ignore[arg-type]
+    )
+
+
+def _numbers(values: Any) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return (x, y, z)
+
+
+def _note_darkness(readings: Sequence[Reading], diagnostics: Diagnostics) -> None:
+    """Tell of meters that no light reaches: in the dark, or inside of something."""
+    dark = [reading.meter.name for reading in readings if reading.high == 0]
+    if dark:
+        more = f" and {len(dark) - 1} more" if len(dark) > 1 else ""
+        message = f"No light reaches {dark[0]}{more}: it is dark there, or the meter is inside of something or faces it."
+        diagnostics.add("dark-light-meter", "", message)
+
+
+def _report(passes: list[Sampling], costs: Costs, precision: Precision, told: list[Diagnostic]) -> dict[str, Any]:
+    reasons = [sampling.stop.reason for sampling in passes if sampling.stop is not None]
+    stop = next((reason for reason in reasons if reason != "target-error"), "target-error")
+    return {
+        "target": precision.target,
+        "target_of": "mean" if precision.of_mean else "each",
+        "intervals": "simultaneous" if precision.simultaneous else "each",
+        "samples": max(sampling.done for sampling in passes) * SIDES,  # of a meter
+        "rays": sum(sampling.film.rays for sampling in passes),
+        "seconds": sum(sampling.seconds for sampling in passes),
+        "stages_s": dict(costs.stages_s),
+        "stop": "precision" if stop == "target-error" else stop,
+        "seed": passes[0].settings.seed,
+        "diagnostics": [diagnostic.as_json() for diagnostic in told],
+    }
