@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from .light_meter.measuring import Measurement, measure
     from .light_meter.meters import LightMeter, MeterGrid, MeterKind
     from .light_mix.mix import LightMix, relight
+    from .render.first_hits import FirstHits
     from .render.products import Product, render_products
     from .render.stereo import StereoImage, render_stereo
     from .report.profile import profile
@@ -74,6 +75,7 @@ __all__ = [
     "DistortionModel",
     "Eye",
     "Filter",
+    "FirstHits",
     "Ground",
     "Image",
     "LightMeter",
@@ -131,6 +133,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "DirectionTable": "lens.distortion",
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
+        "FirstHits": "render.first_hits",
         "Image": "images.image",
         "LightMeter": "light_meter.meters",
         "LightMix": "light_mix.mix",

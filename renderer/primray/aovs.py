@@ -168,6 +168,12 @@ def is_light_path(name: str) -> bool:
     return name.startswith(LIGHT_PATH) or (_EXPRESSION.match(name) is not None and name not in ("C", "Ci", "Cs"))
 
 
+def needs_light(name: str) -> bool:
+    """Return whether an AOV, by its name or its source, is made of the samples of a render."""
+    of_samples = (*CRYPTOMATTES, *IN_PICTURE, *NAMED_LIGHT_PATHS, DEEP, LIGHTS, "samples")
+    return name in of_samples or is_light_path(name)
+
+
 def without_prefix(text: str) -> str:
     """Return an expression without blanks, and without the prefixes that other renderers' files use."""
     kept, quoted = [], False

@@ -10,6 +10,7 @@
 // and coverage counts their collisions (first_hit_volumes.hpp).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <span>
@@ -94,6 +95,7 @@ struct FirstHitPlanes {
   std::vector<int32_t> instance, outer;  // row of Scene::world_from_group, and that of an outer instance; -1: none
   std::vector<PrimvarPlane> primvars;
   CoveragePlanes coverage;
+  bool presence_varies = true;  // what presence_varies() says of the scene
   uint32_t replicate = 0;  // of filtered samples: further replicates are as good and independent, and show the error of the
                            // first
 
@@ -148,11 +150,32 @@ struct Layer {
 struct LayerPoints {
   std::vector<float> x, y;      // pixels of the frame, right and down from its upper left corner
   bool first_only = false;      // rays end at the first surface
+  bool presence_varies = true;  // what presence_varies() says of the scene
   std::vector<uint32_t> count;  // layers by point
   // The layers of points, one task after the other.
   static constexpr size_t kTask = 4096;  // points
   std::vector<std::vector<Layer>> by_task;
 };
+
+// Whether the presence of some surface varies over it: if not, points and layers need no textures, but for normals.
+bool presence_varies(const Scene& scene);
+
+// Layers with their parts numbered: each part that some ray passes has one number, in the order of (shape, instance, outer).
+struct NumberedLayers {
+  std::vector<std::array<int32_t, 3>> parts;
+  std::vector<int32_t> first;   // number of each point's first layer; -1: none
+  std::vector<float> depth;     // its depth; infinite where there is none
+  std::vector<uint32_t> begin;  // of each point's layers in `numbers`, and the end of the last one's
+  std::vector<int32_t> numbers;
+};
+NumberedLayers numbered(const LayerPoints& points);
+
+// Rays by thing, where each part belongs to the thing `places[part]` and each thing to `parents[thing]`, -1: to none. A ray
+// that passes what a thing holds passes the thing.
+struct RayCounts {
+  std::vector<int64_t> passing, first;  // rays that pass a thing, and that hit it before all others
+};
+RayCounts rays_by_thing(const NumberedLayers& layers, std::span<const int32_t> places, std::span<const int32_t> parents);
 
 // Finds the layers of all points on threads, W = `lanes` rays at a time; no bit depends on either. Points are seen at the
 // frame's time, with a rolling shutter in the middle of their row's and column's exposure.

@@ -120,6 +120,7 @@ class FirstHitTask {
   }
 
   void points(const PixelRect& r) {
+    reads_inputs_ = !planes_.normal.empty() || planes_.presence_varies;
     const int width = r.x1 - r.x0, count = width * (r.y1 - r.y0);
     for (int at = 0; at < count; at += W) {
       const I n = I(at) + lane_numbers<W>();
@@ -137,8 +138,9 @@ class FirstHitTask {
         if (any(there)) write(there, x, y, ray, hits, it);
         return hit & !there;
       };
-      follow(active & ray.exists(), ray, time_, [](B, const V&) {}, nullptr, std::ref(seen));
+      follow(active & ray.exists(), ray, time_, nullptr, nullptr, std::ref(seen));
     }
+    reads_inputs_ = true;
   }
 
   // Emission of a surface that the camera sees along unit `d`, times its presence.
@@ -173,7 +175,7 @@ class FirstHitTask {
         left = select(hit, left * (1.0f - presence), left);
         return hit & (left > F(0.0f));
       };
-      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time_, [](B, const V&) {}, nullptr, std::ref(seen));
+      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, time_, nullptr, nullptr, std::ref(seen));
       open += left;
       // Add in the order of the samples, so that the result does not depend on the lane count.
       for (int i = 0; i < W && at + i < slots; ++i) {
@@ -202,6 +204,7 @@ class FirstHitTask {
   void layers(LayerPoints& points, size_t task) {
     const size_t begin = task * LayerPoints::kTask, end = std::min(begin + LayerPoints::kTask, points.x.size());
     std::vector<Layer> lane_layers[W];
+    reads_inputs_ = points.presence_varies;
     Camera camera = scene_.motion.rolls ? scene_.camera : at_frame_;
     camera.lens_radius = 0, camera.filter.box_width = 1, camera.filter.inverse_cdf.clear();
     for (size_t at = begin; at < end; at += W) {
@@ -222,7 +225,7 @@ class FirstHitTask {
         if (any(there)) add_layers(there, ray, time, hits, it, lane_layers);
         return points.first_only ? hit & !there : hit;
       };
-      follow((load<W>(lane) == I(1)) & ray.exists(), ray, time, [](B, const V&) {}, nullptr, std::ref(seen));
+      follow((load<W>(lane) == I(1)) & ray.exists(), ray, time, nullptr, nullptr, std::ref(seen));
       for (int i = 0; i < W && at + size_t(i) < end; ++i) {
         points.count[at + size_t(i)] = uint32_t(lane_layers[i].size());
         points.by_task[task].insert(points.by_task[task].end(), lane_layers[i].begin(), lane_layers[i].end());
@@ -317,7 +320,7 @@ class FirstHitTask {
     };
     alignas(64) int32_t lane[W];
     for (int i = 0; i < W; ++i) lane[i] = at + i < slots ? 1 : 0;
-    follow((load<W>(lane) == I(1)) & ray.exists(), ray, time, [](B, const V&) {}, std::ref(collide), std::ref(seen));
+    follow((load<W>(lane) == I(1)) & ray.exists(), ray, time, nullptr, std::ref(collide), std::ref(seen));
   }
 
   // What covers pixels where they show a volume.
@@ -462,9 +465,10 @@ class FirstHitTask {
   I frame_x(const int32_t* x) const { return load<W>(x) + I(scene_.camera.pixels.x); }
   I frame_y(const int32_t* y) const { return load<W>(y) + I(scene_.camera.pixels.y); }
 
-  // Follows the rays from surface to surface. `light(lanes, L)`: L comes from lights and domes hit before the next surface;
-  // `cross(lanes, way, vertex)`, if there are volumes, returns the lanes that reach it; `surface(lanes, ...)` returns the lanes
-  // that look through the surface, and may bend them. Compiled once for all kinds of samples, which halves a long compilation.
+  // Follows the rays from surface to surface. `light(lanes, L)`, if given: L comes from lights and domes hit before the next
+  // surface; `cross(lanes, way, vertex)`, if there are volumes, returns the lanes that reach it; `surface(lanes, ...)` returns
+  // the lanes that look through the surface, and may bend them. Compiled once for all kinds of samples, which halves a long
+  // compilation.
   using Light = std::function<void(B, const V&)>;
   using Cross = std::function<B(B, const WayToHit<W>&, I)>;
   using Surface = std::function<B(B, const Hits<W>&, const Interaction<W>&, const SurfaceRows<W>&, Bend<W>&)>;
@@ -488,10 +492,12 @@ class FirstHitTask {
       const B covered = light_hits.covered;
       if (follows_volumes) active = cross_volumes(active, hit, hits, light_hits, p, way, cross);
       hit &= active & !covered;
-      const B escaped = active & !hit & !covered;
-      if (!scene_.lights.domes.empty() && any(escaped))
-        gathered += select(escaped, evaluate_domes(scene_.lights, escaped, p), V(F(0.0f)));
-      light(active, gathered);
+      if (light) {
+        const B escaped = active & !hit & !covered;
+        if (!scene_.lights.domes.empty() && any(escaped))
+          gathered += select(escaped, evaluate_domes(scene_.lights, escaped, p), V(F(0.0f)));
+        light(active, gathered);
+      }
       if (!any(hit)) return;
       Interaction<W> it = interact(scene_, hit, p.ray, hits);
       const B bounds = bounds_volume(scene_, hit, it.surface);  // light passes
@@ -504,7 +510,7 @@ class FirstHitTask {
       }
       SurfaceRows<W> rows(scene_.surfaces, it.surface);
       LaneRows<W> varying;
-      if (any_inputs(scene_, hit, it.surface)) {
+      if (reads_inputs_ && any_inputs(scene_, hit, it.surface)) {
         const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
         rows = evaluate_inputs(scene_, hit, hits, it.surface, width * width / max(cosine, 0.05f), it.p, it.ng, it.ns, varying);
       }
@@ -631,6 +637,7 @@ class FirstHitTask {
   const F time_;
   const double unit_;
   FirstHitVolumes<W> volumes_;
+  bool reads_inputs_ = true;  // else surfaces are those of their constants: their presence is right if it does not vary
 };
 
 // Fills the pixels of a rectangle.

@@ -122,6 +122,38 @@ std::tuple<OutArray<uint32_t, 1>, OutArray<int32_t, 2>, OutArray<float, 2>> laye
   return {to_numpy(std::move(points.count), {n}), to_numpy(std::move(what), {m, 3}), to_numpy(std::move(lengths), {m, 2})};
 }
 
+// Layers of points, to be counted once the things that their parts belong to are known.
+NumberedLayers numbered_layers(const Scene& scene, const InArray<float>& positions, bool first_only, int lanes, int threads) {
+  LayerPoints points;
+  points.first_only = first_only;
+  points.x.reserve(positions.size() / 2), points.y.reserve(positions.size() / 2);
+  for (size_t i = 0; i + 1 < positions.size(); i += 2)
+    points.x.push_back(positions.data()[i]), points.y.push_back(positions.data()[i + 1]);
+  const nb::gil_scoped_release released;
+  find_layers(scene, lanes, threads, points);
+  return numbered(points);
+}
+
+OutArray<int32_t, 2> parts_of_layers(const NumberedLayers& layers) {
+  std::vector<int32_t> rows;
+  for (const auto& part : layers.parts) rows.insert(rows.end(), part.begin(), part.end());
+  return to_numpy(std::move(rows), {layers.parts.size(), 3});
+}
+
+// `places`: (K) the thing of each part; `parents`: (T) the thing that holds each, -1: none. Returns (T) rays that pass each
+// thing, and (T) those that hit it first.
+std::tuple<OutArray<int64_t, 1>, OutArray<int64_t, 1>> count_rays(const NumberedLayers& layers, const InArray<int32_t>& places,
+                                                                  const InArray<int32_t>& parents) {
+  if (places.size() != layers.parts.size()) throw Error("internal", "there is not one thing for each part");
+  const auto held = [&](const InArray<int32_t>& of) {
+    return std::all_of(of.data(), of.data() + of.size(), [&](int32_t at) { return at < int32_t(parents.size()); });
+  };
+  if (!held(places) || !held(parents)) throw Error("internal", "there is no thing of that number");
+  RayCounts counts = rays_by_thing(layers, {places.data(), places.size()}, {parents.data(), parents.size()});
+  const size_t n = parents.size();
+  return {to_numpy(std::move(counts.passing), {n}), to_numpy(std::move(counts.first), {n})};
+}
+
 // Returns (K, 2) group and shape of each part.
 OutArray<int32_t, 2> parts_of_groups(const Scene& scene) {
   std::vector<int32_t> found;
@@ -188,6 +220,13 @@ void bind_first_hit(nb::module_& m) {
       .def("take", &take)
       .def("take_primvars", &take_primvars)
       .def_static("widths_of_planes", &widths_of_planes);
+  nb::class_<NumberedLayers>(m, "NumberedLayers")
+      .def("parts", &parts_of_layers)
+      .def("first", [](const NumberedLayers& l) { return to_numpy(std::vector<int32_t>(l.first), {l.first.size()}); })
+      .def("depth", [](const NumberedLayers& l) { return to_numpy(std::vector<float>(l.depth), {l.depth.size()}); })
+      .def("count_rays", &count_rays, nb::arg("places"), nb::arg("parents"));
+  m.def("numbered_layers", &numbered_layers, nb::arg("scene"), nb::arg("positions"), nb::arg("first_only"), nb::arg("lanes"),
+        nb::arg("threads"));
   m.def("layers", &layers, nb::arg("scene"), nb::arg("positions"), nb::arg("first_only"), nb::arg("lanes"), nb::arg("threads"));
   m.def("project", &project, nb::arg("scene"), nb::arg("points"));
   m.def("parts_of_groups", &parts_of_groups, nb::arg("scene"));

@@ -235,6 +235,19 @@ def layers(scene: CoreScene, positions: npt.ArrayLike, settings: RenderSettings,
     return Layers(count, what, lengths)
 
 
+def numbered_layers(
+    scene: CoreScene, positions: npt.ArrayLike, settings: RenderSettings, *, first_only: bool = False
+) -> compiled.NumberedLayers:
+    """Return what `layers` finds, with its parts numbered, to be counted once the things that they belong to are known."""
+    points = np.ascontiguousarray(positions, np.float32).reshape(-1, 2)
+    try:
+        found = compiled.numbered_layers(scene._scene, points, first_only=first_only, lanes=lanes(), threads=threads(settings))
+    except compiled.CoreError as error:
+        raise_primray_error(error)
+    _check_textures(scene)
+    return found
+
+
 @dataclass(frozen=True)
 class Extents:
     """Bounds of parts: (N, 4) on the film in pixels of the frame, (N) nearest depth, (N, 2, 3) in axes of their own.

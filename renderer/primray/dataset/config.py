@@ -15,6 +15,7 @@ from .variations import FILE_SETTINGS, Variation, check_setting, setting_name, v
 
 MOST_SAMPLES = 10_000_000
 PICTURES = ("png", "exr", "npy")
+OF_LIGHT = ("png", "exr")
 # Settings that a data set has in other places, or that would make its pictures depend on a clock or on other samples.
 REFUSED_SETTINGS = {
     "seed": "the seed of a data set is a key of its own",
@@ -60,6 +61,7 @@ class Config:
     entries: Mapping[str, Entry]  # of what varies, by name
     pictures: tuple[str, ...]
     writers: Mapping[str, Any]  # options by writer
+    light: bool = True  # else samples are AOVs and labels of what the camera sees first, without a picture
     files: Mapping[str, str] = field(default_factory=dict)  # path of each named file, by its name in the config
     text: str = ""  # of the YAML, "" where there is none
     name: str = "config"  # in messages
@@ -95,7 +97,7 @@ def _config_of(root: Entry, folder: Path) -> Config:
     from .writers import WRITERS
 
     folder = folder.absolute()
-    fields = root.fields(("stage", "samples"), ("seed", "settings", "labels", "vary", "pictures", "write"))
+    fields = root.fields(("stage", "samples"), ("seed", "settings", "labels", "vary", "pictures", "light", "write"))
     stage = folder / fields["stage"].text()
     if not stage.exists():
         raise fields["stage"].fault(f"there is no file {stage}")
@@ -105,7 +107,12 @@ def _config_of(root: Entry, folder: Path) -> Config:
     settings = _settings_of(fields.get("settings"), folder)
     named = [*_named(fields), *([labels.table] if labels and labels.table else [])]
     named += [name for each in variations.values() for name in each.files()]
-    pictures = tuple(e.one_of(PICTURES) for e in fields["pictures"].entries()) if "pictures" in fields else ("png",)
+    light = fields["light"].flag() if "light" in fields else True
+    pictures: tuple[str, ...] = ("png",) if light else ()
+    if "pictures" in fields:
+        pictures = tuple(e.one_of(PICTURES) for e in fields["pictures"].entries())
+    if not light:
+        _check_without_light(fields, pictures, settings, labels)
     write = _writers_of(fields["write"], WRITERS) if "write" in fields else {}
     for name in write:
         if WRITERS[name].NEEDS_LABELS and labels is None:
@@ -128,8 +135,23 @@ def _config_of(root: Entry, folder: Path) -> Config:
         entries=dict(varied),
         pictures=pictures,
         writers=write,
+        light=light,
         files={name: path for name in sorted(set(named)) if os.path.isfile(path := _path(name, folder))},
     )
+
+
+def _check_without_light(
+    fields: Mapping[str, Entry], pictures: tuple[str, ...], settings: Mapping[str, Any], labels: Labels | None
+) -> None:
+    """Refuse what is made of light, and a data set of nothing."""
+    from ..aovs import needs_light
+
+    if made := [name for name in pictures if name in OF_LIGHT]:
+        raise fields["pictures"].fault(f"{made[0]} is a picture: without light there are only AOVs, as npy")
+    if made := [name for name in settings.get("aovs", ()) if needs_light(name)]:
+        raise fields["settings"].items()["aovs"].fault(f"{made[0]} is made of light")
+    if labels is None and "npy" not in pictures:
+        raise fields["light"].fault("without light, labels or pictures: [npy] must say what a sample has")
 
 
 def _named(fields: Mapping[str, Entry]) -> list[str]:

@@ -107,8 +107,9 @@ def _put_into_place(partial: Path, target: Path) -> None:
 
 
 def hashes_of(record: Mapping[str, Any]) -> dict[str, str]:
-    """Return the hashes of a sample's pixels by what they are of: the picture, and each AOV."""
-    return {"picture": record["pixels_sha256"], **record["aovs_sha256"]}
+    """Return the hashes of a sample's pixels by what they are of: the picture, if there is one, and each AOV."""
+    picture = {} if record["pixels_sha256"] is None else {"picture": record["pixels_sha256"]}
+    return {**picture, **record["aovs_sha256"]}
 
 
 def flush(path: Path) -> None:

@@ -110,7 +110,7 @@ def classes_of(config: Config, threads: int | None = None) -> str:
     elif labels is not None and labels.classes:
         given = json.dumps({"classes": {labels.taxonomy: {name: k for k, name in enumerate(labels.classes, 1)}}})
     with tempfile.TemporaryDirectory(prefix="primray-dataset-") as scratch:
-        small = replace(config, settings={**config.settings, "spp": 1, "aovs": []})
+        small = replace(config, light=False, settings={**config.settings, "aovs": []})
         sampler = Sampler(small, threads=threads, scratch=Path(scratch), classes=given)
         try:
             sampler.check()

@@ -17,13 +17,16 @@ import numpy as np
 
 from ..camera import Projection, camera_as_json
 from ..errors import PrimrayError, SettingsError
-from ..incremental.scene import Scene
+from ..incremental.scene import KeptStage
+from ..settings import RenderSettings, with_values
 from .draws import Draws
 from .ledger import RECORD, new_sample
 from .variations import Phase, SampleState
 
 if TYPE_CHECKING:
+    from ..diagnostics import Diagnostics
     from ..images.image import Image
+    from ..render.first_hits import FirstHits
     from .config import Config
 
 THINGS = "object_instance"  # AOV of labelled things
@@ -46,13 +49,13 @@ class Sampler:
 
         self._config, self._threads = config, threads
         self._table, self._classes = None if scratch is None else scratch / "labels.json", classes
-        self._scene = Scene(config.stage, **config.composition)
+        self._kept = KeptStage(config.stage, RenderSettings(**config.composition))
         self._time_code = config.settings.get("time_code")
-        self._varied = VariedStage(self._scene.stage, config.folder, self._time_code)
+        self._varied = VariedStage(self._kept.opened.stage, config.folder, self._time_code)
         self._is_ready = False
 
     def close(self) -> None:
-        self._scene.close()
+        self._kept.forget()
 
     def check(self) -> None:
         """Find what varies on the stage; SettingsError, with the place in the config, for what is not there."""
@@ -94,8 +97,8 @@ class Sampler:
         elif phase is Phase.POSES:
             self._varied.place_local(state.places)
 
-    def render(self, index: int) -> tuple[Image, dict[str, Any]]:
-        """Return the picture of a sample, and its record."""
+    def render(self, index: int) -> tuple[Image | FirstHits, dict[str, Any]]:
+        """Return the picture of a sample, or without light what its camera sees first, and its record."""
         drawn, settings = self.apply(index)
         settings = {**self._config.settings, **settings}
         settings["aovs"] = self._aovs(settings)
@@ -103,13 +106,17 @@ class Sampler:
         if self._config.labels is not None and self._table is not None:
             self._reset_table()
             settings["label_table"] = str(self._table)
-        for name in ("variants", "load", "mask", "session_layer"):
-            settings.pop(name, None)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # diagnostics are in the record
-            image = self._scene.render(progress=False, threads=self._threads, **settings)
+            image = self._rendered(with_values(RenderSettings(threads=self._threads), settings))
         self._check_classes()
         return image, self._record(index, image, drawn)
+
+    def _rendered(self, settings: RenderSettings) -> Image | FirstHits:
+        if not self._config.light:
+            return self._kept.first_hits(settings, _untold)
+        # The record has no error of the picture, which costs a tenth of a small one.
+        return self._kept.render(settings, None, "raise", None, (), _untold, measures_error=False)
 
     def _aovs(self, settings: dict[str, Any]) -> list[str]:
         asked = list(settings.get("aovs", ()))
@@ -137,7 +144,7 @@ class Sampler:
                 code="dataset-classes",
             )
 
-    def _record(self, index: int, image: Image, drawn: dict[str, Any]) -> dict[str, Any]:
+    def _record(self, index: int, image: Image | FirstHits, drawn: dict[str, Any]) -> dict[str, Any]:
         report, camera = image.report, image.camera
         assert camera is not None
         pinhole = camera.projection is Projection.PERSPECTIVE and not camera.is_panorama
@@ -153,7 +160,7 @@ class Sampler:
                 "opencv_camera_from_world": camera.opencv_camera_from_world.tolist(),
             },
             "things": report.get("labels", {}).get("things", []),
-            "pixels_sha256": report["pixels_sha256"],
+            "pixels_sha256": report.get("pixels_sha256"),  # None: there is no picture
             "aovs_sha256": {name: hash_of_array(aov.values) for name, aov in sorted(image.aovs.items())},
             "diagnostics": [dict(zip(("severity", "code", "prim_path"), row, strict=True)) for row in sorted(told)],
         }
@@ -167,6 +174,10 @@ class Sampler:
         return record
 
 
+def _untold(diagnostics: Diagnostics) -> None:
+    """Let go of a render's diagnostics: the record has them."""
+
+
 def record_text(record: dict[str, Any]) -> str:
     return json.dumps(record, ensure_ascii=False) + "\n"
 
@@ -178,15 +189,18 @@ def hash_of_array(values: np.ndarray[Any, Any]) -> str:
     return found.hexdigest()
 
 
-def write_pictures(image: Image, record: dict[str, Any], config: Config, place: Path) -> dict[str, str]:
+def write_pictures(image: Image | FirstHits, record: dict[str, Any], config: Config, place: Path) -> dict[str, str]:
     """Write a sample's pictures; return the names of its files by what they hold."""
-    from ..images.image import write_png
+    from ..images.encoding import Encoding
+    from ..images.image import Image, write_png
 
     files = {}
-    if "png" in config.pictures:
-        files["picture"] = image.save(place / "picture.png").name
-    if "exr" in config.pictures:
-        files["exr"] = image.save(place / "picture.exr").name
+    if isinstance(image, Image):
+        view = image.view_of()
+        for kind, what in (("png", "picture"), ("exr", "exr")):
+            if kind in config.pictures:
+                path = place / f"picture.{kind}"
+                files[what] = image.write(path, view, image.file.view.exposure, Encoding(is_quick=True)).name
     if "npy" in config.pictures:
         for name, aov in image.aovs.items():
             file = f"{file_name(name)}.npy"
@@ -194,7 +208,7 @@ def write_pictures(image: Image, record: dict[str, Any], config: Config, place: 
             files[name] = file
     if config.labels is not None:
         ids = image.aovs[f"{THINGS}:{config.labels.taxonomy}"].values[..., 0]
-        write_png(index_map(ids, record["things"])[..., None], place / INDEX_MAP)
+        write_png(index_map(ids, record["things"])[..., None], place / INDEX_MAP, is_quick=True)
         files["things"] = INDEX_MAP
     return files
 

@@ -42,6 +42,7 @@ class Encoding:
     level: float | None = None  # compression level of zip and DWA
     header: tuple[tuple[str, HeaderValue], ...] = ()  # further attributes of an EXR's header
     flatten_over: tuple[float, float, float] | None = None  # display colour under views without alpha; None: black
+    is_quick: bool = False  # a PNG takes a quarter of the time, and may be some per cent larger
 
     def __post_init__(self) -> None:
         """Raise SettingsError for a compression or an attribute that no EXR can have."""

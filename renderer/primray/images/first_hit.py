@@ -25,12 +25,14 @@ def aovs_of(
     scene: core.CoreScene,
     requests: Sequence[AovRequest],
     camera: Camera,
-    counts: npt.NDArray[np.uint32],
+    counts: npt.NDArray[np.uint32] | None,
     settings: RenderSettings,
 ) -> dict[str, Aov]:
-    """Return AOVs by name, in the order of the requests; `counts` (R, H, W) are the film's."""
+    """Return AOVs by name, in the order of the requests; `counts` (R, H, W) are the film's, None where nothing is sampled."""
     record = scene.record
     assert record is not None
+    if counts is None:
+        counts = np.zeros((1, *reversed(scene.resolution)), np.uint32)
     primvars = [name for name in primvars_of(requests) if record.width_of(name)]
     wanted = [(record.primvar_names[n], record.primvar_names[WIDE + n], record.width_of(n)) for n in primvars]
     planes = _planes_of(r.source for r in requests)

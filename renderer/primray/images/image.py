@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ..aovs import THINGS
 from ..arrays import Floats
 from ..color.color_space import REC709, ColorSpace
 from ..description import Camera, Frame
@@ -142,13 +141,9 @@ class Image:
 
     def mask_of(self, thing: Thing) -> npt.NDArray[np.bool_]:
         """Return the pixels (H, W) that show a thing, or another that it holds. KeyError without the AOV of its taxonomy."""
-        from ..labels.things import ids_within
+        from ..labels.things import mask_of
 
-        source = THINGS + thing.taxonomy
-        found = next((aov for aov in self.aovs.values() if aov.source == source), None)
-        if found is None:
-            raise KeyError(source)
-        return np.isin(found.values[..., 0], sorted(ids_within(thing, self.things)))
+        return mask_of(thing, self.things, self.aovs)
 
     def as_product(self, path: str) -> Image:
         """Return the image as one of its render products: `save` then writes exactly what the product orders.
@@ -253,7 +248,7 @@ class Image:
             elif encoding.bits_of(suffix) == LINEAR_BITS:
                 write_linear(self.shown.pixels, self.color_space, temporary)
             else:
-                write_view(self._encoded(suffix, view, exposure, encoding), temporary)
+                write_view(self._encoded(suffix, view, exposure, encoding), temporary, is_quick=encoding.is_quick)
         for other in self.files_beside(path):
             with replacing(other) as temporary:
                 self._write_deep(temporary, encoding)
@@ -460,10 +455,10 @@ def replacing(path: Path) -> Iterator[str]:
         temporary.unlink(missing_ok=True)
 
 
-def write_png(encoded: np.ndarray[Any, Any], path: Path) -> Path:
-    """Write 8-bit values (H, W, 3 or 4) unchanged, atomically."""
+def write_png(encoded: np.ndarray[Any, Any], path: Path, *, is_quick: bool = False) -> Path:
+    """Write 8-bit values (H, W, 3 or 4) unchanged, atomically; `is_quick` as of an Encoding."""
     with replacing(path) as temporary:
-        write_view(encoded, temporary)
+        write_view(encoded, temporary, is_quick=is_quick)
     return path
 
 

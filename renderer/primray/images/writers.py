@@ -35,14 +35,24 @@ def write_parts_of(path: str, parts: Sequence[Part]) -> None:
         raise PrimrayError(f"the file cannot be written: {last_error(out)}", where=path, code="write-failed")
 
 
-def write_view(encoded: npt.NDArray[Any], path: str, quality: int = 95) -> None:
-    """Write display values (H, W, C) unchanged, 8 or 16 bits by their type; `quality` of formats that lose some, up to 100."""
+# Of zlib, and libpng's PNG_FILTER_NONE: of a picture with noise a quarter of the time of level 6 with all filters, and 5 %
+# larger.
+QUICK_PNG = (("png:compressionLevel", 3), ("png:filter", 8))
+
+
+def write_view(encoded: npt.NDArray[Any], path: str, quality: int = 95, *, is_quick: bool = False) -> None:
+    """Write display values (H, W, C) unchanged, 8 or 16 bits by their type.
+
+    `quality` of formats that lose some is up to 100; `is_quick`: a PNG is compressed quickly.
+    """
     import OpenImageIO as oiio
 
     height, width, channels = encoded.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT16 if encoded.dtype == np.uint16 else oiio.UINT8)
     spec.attribute("oiio:UnassociatedAlpha", 1)
     spec.attribute("CompressionQuality", quality)
+    for name, value in QUICK_PNG if is_quick else ():
+        spec.attribute(name, value)
     write_parts_of(path, [(spec, encoded)])
 
 

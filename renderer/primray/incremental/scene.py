@@ -25,9 +25,10 @@ if TYPE_CHECKING:
     from ..description import SceneDescription
     from ..diagnostics import Diagnostics
     from ..images.image import Image
+    from ..render.first_hits import FirstHits
     from ..render.prepare import OpenedStage, Steps
     from ..render.progress import Snapshots
-    from ..render.render import Open
+    from ..render.render import Open, Tell
     from ..report.prepared import Prepared
     from ..report.report import Costs
     from ..sampling.sampling import Progress
@@ -86,6 +87,17 @@ class Scene:
         with shown_progress(progress) as shown:
             tell = Announcer(self._kept.opened.name).tell
             return self._kept.render(settings, shown, on_interrupt, None, () if snapshots is None else (snapshots,), tell)
+
+    @with_setting_names
+    def first_hits(
+        self,
+        settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
+        **values: Unpack[SettingsValues],
+    ) -> FirstHits:
+        """Return the AOVs and labelled things of the stage as it is now, without light: those of `render`, to the bit."""
+        from ..diagnostic_messages import Announcer
+
+        return self._kept.first_hits(self._composed(with_values(settings, values)), Announcer(self._kept.opened.name).tell)
 
     def close(self) -> None:
         """Free all that is kept; a later render starts from scratch."""
@@ -171,6 +183,18 @@ class KeptStage(OpenedFrames):
             stage, opening = self.opened.stage, self.opened.diagnostics
         with steps.whole():
             return prepare(stage, opening, settings, costs, diagnostics, fingerprinted=fingerprinted, steps=steps)
+
+    def first_hits(self, settings: RenderSettings, tell: Tell) -> FirstHits:
+        """Return what the camera sees first."""
+        from ..diagnostics import Diagnostics
+        from ..render.first_hits import first_hits_of_opened
+        from ..report.report import Costs
+
+        costs, diagnostics = Costs(), Diagnostics()
+        with self.steps(costs) as steps:
+            found = first_hits_of_opened(self.opened, settings, costs, diagnostics, steps)
+        tell(diagnostics)
+        return found
 
     def translated(self, settings: RenderSettings) -> SceneDescription:
         """Return the stage's translation, which the next picture with these settings is made of."""

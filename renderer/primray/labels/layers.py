@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from .. import core
+from ..arrays import Floats
 from .things import Hierarchy
 
 if TYPE_CHECKING:
-    from ..core import CoreScene
+    from ..core import CoreScene, compiled
     from ..settings import RenderSettings
     from ..usd import LabelledPrims
 
@@ -96,15 +97,19 @@ class Counts:
 NO_COUNTS = Counts(np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
-@dataclass(frozen=True)
 class Passed:
-    """Parts that rays pass, in order: `ray` (M) and `part` (M), and whether it is the ray's first; depths of the first (N)."""
+    """What rays pass: the number (K) of each part, and of each ray (N) the first part and its depth."""
 
-    ray: npt.NDArray[np.int32]
-    part: npt.NDArray[np.int32]
-    is_first: npt.NDArray[np.bool_]
-    count: int  # of rays
-    first_depth: npt.NDArray[np.floating[Any]]  # (N); infinite where nothing is hit
+    def __init__(self, layers: compiled.NumberedLayers, parts: PartNames) -> None:
+        self._layers = layers
+        self.parts = parts.number(layers.parts())
+        self.first = np.append(self.parts, -1)[layers.first()]  # -1: nothing is hit
+        self.depth: Floats = layers.depth()  # infinite where nothing is hit
+
+    def counts(self, things: TaxonomyThings) -> Counts:
+        """Return how many of the rays pass each thing and hit it first, with the things that it holds."""
+        places = things.places()[self.parts] if len(self.parts) else np.zeros(0, np.int64)
+        return Counts(*self._layers.count_rays(places.astype(np.int32), np.array(things.hierarchy.parents, np.int32)))
 
 
 def passed_by(
@@ -113,38 +118,7 @@ def passed_by(
     """Yield what rays through points (N, 2) of the frame pass, or only the first of it, in bands of the points."""
     points = np.asarray(points, np.float32).reshape(-1, 2)
     for begin in range(0, len(points), BAND):
-        band = points[begin : begin + BAND]
-        found = core.layers(scene, band, settings, first_only=first_only)
-        counts = found.count.astype(np.int64)
-        ray = np.repeat(np.arange(len(band), dtype=np.int32), counts)
-        starts = np.cumsum(counts) - counts
-        is_first = np.zeros(len(ray), bool)
-        is_first[starts[counts > 0]] = True
-        depth = np.full(len(band), np.inf, np.float32)
-        depth[counts > 0] = found.lengths[is_first, 0]
-        yield Passed(ray, parts.number(found.what).astype(np.int32), is_first, len(band), depth)
-
-
-def counts_of(passed: Passed, things: TaxonomyThings) -> Counts:
-    """Return how many of the rays pass each thing and hit it first, with the things that it holds."""
-    place = things.places()[passed.part] if len(passed.part) else np.zeros(0, np.int64)
-    size = len(things.hierarchy.names)
-    if not size:
-        return NO_COUNTS
-    parents = np.array(things.hierarchy.parents, np.int64)
-    ray, is_first, keys, firsts = passed.ray.astype(np.int64), passed.is_first, [], []
-    while True:
-        held = place >= 0
-        if not held.any():
-            break
-        ray, place, is_first = ray[held], place[held], is_first[held]
-        keys.append(ray * size + place)
-        firsts.append(place[is_first])
-        place = parents[place]
-    if not keys:
-        return Counts(np.zeros(size, np.int64), np.zeros(size, np.int64))
-    passing = np.bincount(np.unique(np.concatenate(keys)) % size, minlength=size)
-    return Counts(passing, np.bincount(np.concatenate(firsts), minlength=size))
+        yield Passed(core.numbered_layers(scene, points[begin : begin + BAND], settings, first_only=first_only), parts)
 
 
 def wilson_interval(hits: int, of: int) -> tuple[float, float]:

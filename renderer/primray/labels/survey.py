@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
-from ..arrays import Doubles
+from ..arrays import Doubles, Floats
 from .boxes import bounds_of, box_3d, parts_of_scene
-from .layers import NO_COUNTS, Counts, Numbers, PartNames, Passed, TaxonomyThings, counts_of, passed_by, wilson_interval
+from .layers import NO_COUNTS, Counts, Numbers, PartNames, Passed, TaxonomyThings, passed_by, wilson_interval
 from .things import Box, Box3D, Depth, Keypoint
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Survey:
         self._bands: list[Passed] = []
         self._all_parts = np.zeros((0, 3), np.int32)
 
-    def frame(self) -> tuple[Numbers, npt.NDArray[np.floating[Any]]]:
+    def frame(self) -> tuple[Numbers, Floats]:
         """Return the part (H, W) that each pixel shows, -1 for none, and its depth."""
         centres = _centres(self._window)
         self._bands = list(passed_by(self._scene, centres, self._parts, self._settings))
@@ -64,7 +64,7 @@ class Survey:
         assert labelled is not None
         bounds = bounds_of(self._scene, self._all_parts, self._parts, things, labelled, self._settings)
         film = bounds.film - np.array([self._window.x, self._window.y] * 2)
-        inside = sum((counts_of(band, things) for band in self._bands), NO_COUNTS).sized(len(film))
+        inside = sum((band.counts(things) for band in self._bands), NO_COUNTS).sized(len(film))
         outside = self._outside(things, film).sized(len(film))
         means = _mean_depths(things, places, depth)
         found: dict[int, dict[str, Any]] = {}
@@ -108,7 +108,7 @@ class Survey:
         y, x = np.nonzero(wanted)
         points = np.stack([x + 0.5 - width + self._window.x, y + 0.5 - height + self._window.y], axis=1)
         bands = passed_by(self._scene, points, self._parts, self._settings)
-        return sum((counts_of(band, things) for band in bands), NO_COUNTS)
+        return sum((band.counts(things) for band in bands), NO_COUNTS)
 
     def _is_on_canvas(self, film: Doubles) -> npt.NDArray[np.bool_]:
         size = np.array([self._window.width, self._window.height])
@@ -135,7 +135,7 @@ class Survey:
         y = self._window.y + y0 + (np.arange((y1 - y0) * side) + 0.5) / side
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         bands = passed_by(self._scene, points, self._parts, self._settings)
-        counts = sum((counts_of(band, things) for band in bands), NO_COUNTS).sized(place + 1)
+        counts = sum((band.counts(things) for band in bands), NO_COUNTS).sized(place + 1)
         return int(counts.passing[place]), int(counts.first[place])
 
     def _add_keypoints(self, found: dict[int, dict[str, Any]], things: TaxonomyThings) -> None:
@@ -164,9 +164,7 @@ class Survey:
             found[n]["keypoints"] = (*found[n].get("keypoints", ()), made)
 
 
-def first_parts(
-    scene: CoreScene, window: PixelWindow, parts: PartNames, settings: RenderSettings
-) -> tuple[Numbers, npt.NDArray[np.floating[Any]]]:
+def first_parts(scene: CoreScene, window: PixelWindow, parts: PartNames, settings: RenderSettings) -> tuple[Numbers, Floats]:
     """Return the part (H, W) that each pixel's centre shows, -1 for none, and its depth."""
     bands = list(passed_by(scene, _centres(window), parts, settings, first_only=True))
     return _first_of(bands, window)
@@ -178,15 +176,10 @@ def _centres(window: PixelWindow) -> npt.NDArray[np.float32]:
     return np.stack(grid, axis=-1).reshape(-1, 2)
 
 
-def _first_of(bands: Sequence[Passed], window: PixelWindow) -> tuple[Numbers, npt.NDArray[np.floating[Any]]]:
-    index = np.full(window.width * window.height, -1, np.int64)
-    begin = 0
-    for band in bands:
-        index[begin + band.ray[band.is_first].astype(np.int64)] = band.part[band.is_first]
-        begin += band.count
-    depth = np.concatenate([band.first_depth for band in bands])
+def _first_of(bands: Sequence[Passed], window: PixelWindow) -> tuple[Numbers, Floats]:
     shape = window.height, window.width
-    return index.reshape(shape), depth.reshape(shape)
+    first, depth = (np.concatenate(values).reshape(shape) for values in zip(*((b.first, b.depth) for b in bands), strict=True))
+    return first, depth
 
 
 def _first_depths(scene: CoreScene, points: Doubles, settings: RenderSettings) -> Doubles:

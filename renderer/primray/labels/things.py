@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import numpy.typing as npt
+
+from ..aovs import THINGS
 from ..images.cryptomatte import MASK, hash_of
 
 if TYPE_CHECKING:
+    from ..images.aov import Aov
     from ..usd import LabelledPrim
 
 KITTI_PARTLY, KITTI_LARGELY = 0.1, 0.5  # occlusion
@@ -99,13 +104,14 @@ class Thing:
 
     def as_json(self) -> dict[str, Any]:
         """Return the thing as JSON-compatible values."""
-        return {("class" if name == "class_name" else name): _as_lists(value) for name, value in asdict(self).items()}
+        return {("class" if name == "class_name" else name): _as_json(value) for name, value in vars(self).items()}
 
 
-def _as_lists(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _as_lists(inner) for name, inner in value.items()}
-    return [_as_lists(inner) for inner in value] if isinstance(value, tuple | list) else value
+def _as_json(value: Any) -> Any:
+    """Return records as objects and tuples as lists; dataclasses.asdict copies each number of their matrices."""
+    if isinstance(value, Box3D | Depth | Keypoint):
+        return {name: _as_json(inner) for name, inner in vars(value).items()}
+    return [_as_json(inner) for inner in value] if isinstance(value, tuple) else value
 
 
 def thing_of_json(says: Mapping[str, Any]) -> Thing:
@@ -123,6 +129,15 @@ def _keypoint_of_json(says: Mapping[str, Any]) -> Keypoint:
     x, y, z = says["position"]
     pixel = None if says["pixel"] is None else (says["pixel"][0], says["pixel"][1])
     return Keypoint(says["name"], (x, y, z), pixel, says["depth"], says["v"])
+
+
+def mask_of(thing: Thing, things: Sequence[Thing], aovs: Mapping[str, Aov]) -> npt.NDArray[np.bool_]:
+    """Return the pixels (H, W) that show a thing, or another that it holds. KeyError without the AOV of its taxonomy."""
+    source = THINGS + thing.taxonomy
+    found = next((aov for aov in aovs.values() if aov.source == source), None)
+    if found is None:
+        raise KeyError(source)
+    return np.isin(found.values[..., 0], sorted(ids_within(thing, things)))
 
 
 def ids_within(thing: Thing, things: Iterable[Thing]) -> set[int]:

@@ -127,13 +127,25 @@ class OpenedFrames:
         checkpointing: Checkpointing | None,
         snapshots: Sequence[Snapshots],
         tell: Tell,
+        measures_error: bool = True,
     ) -> Image:
         """Render one picture, as `render_opened` does."""
         from ..report.report import Costs
 
         costs = Costs()
         with self.steps(costs) as steps:
-            return render_opened(self.opened, settings, costs, progress, on_interrupt, checkpointing, snapshots, tell, steps)
+            return render_opened(
+                self.opened,
+                settings,
+                costs,
+                progress,
+                on_interrupt,
+                checkpointing,
+                snapshots,
+                tell,
+                steps,
+                measures_error=measures_error,
+            )
 
 
 Open = Callable[[Any, RenderSettings], OpenedFrames]
@@ -181,8 +193,9 @@ def render_opened(
     snapshots: Sequence[Snapshots],
     tell: Tell,
     steps: Steps | None = None,
+    measures_error: bool = True,
 ) -> Image:
-    """Render one picture of a stage; `steps` as for `prepare`."""
+    """Render one picture of a stage; `steps` as for `prepare`. `measures_error`: at its end, for the report alone."""
     from ..denoising.denoised import check_denoising, denoised_target
     from ..diagnostics import Diagnostics
     from ..sampling.sampling import Sampling, run_with_saving
@@ -200,6 +213,7 @@ def render_opened(
         savings = [taken.of(prepared) for taken in snapshots]
         if checkpointing is None:
             sampling = Sampling.begin(prepared.scene, prepared.settings)
+            sampling.measures_at_end = measures_error
             sampling.judge_by = denoised_target(prepared.scene, prepared.settings)
             run_with_saving(sampling, watched, savings)
         else:
@@ -352,9 +366,12 @@ def _denoised(image: Image, prepared: Prepared, sampling: Sampling, costs: Costs
 
 
 def find_aovs(
-    prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics
+    prepared: Prepared, sampling: Sampling | None, costs: Costs, diagnostics: Diagnostics
 ) -> tuple[dict[str, Aov], dict[str, Any]]:
-    """Return the AOVs by name, and the report's facts about labels; failures are added to `diagnostics`."""
+    """Return the AOVs by name, and the report's facts about labels; failures are added to `diagnostics`.
+
+    Without `sampling`, AOVs that are made of samples must not be requested.
+    """
     if not prepared.aovs:
         return {}, {}
     from ..aovs import CRYPTOMATTES, DEEP, light_path_of, taxonomy_of
@@ -371,17 +388,19 @@ def find_aovs(
     plain = [request for request in prepared.aovs if request not in others and request.source != DEEP]
     says: dict[str, Any] = {}
     found: dict[str, Aov] = {}
+    counts = None if sampling is None else sampling.film.counts
 
     def kept(requests: Sequence[AovRequest]) -> AbstractContextManager[None]:
         return kept_without(", ".join(request.name for request in requests), diagnostics)
 
     with costs.stage("aovs"):
         with kept(plain):
-            found |= aovs_of(prepared.scene, plain, prepared.camera, sampling.film.counts, prepared.settings) if plain else {}
-        with kept(mattes):
-            found |= mattes_of(prepared.scene, mattes, sampling, prepared.assets) if mattes else {}
-        with kept(routed):
-            found |= light_paths_of_film(prepared.scene, routed, sampling.film) if routed else {}
+            found |= aovs_of(prepared.scene, plain, prepared.camera, counts, prepared.settings) if plain else {}
+        if sampling is not None:
+            with kept(mattes):
+                found |= mattes_of(prepared.scene, mattes, sampling, prepared.assets) if mattes else {}
+            with kept(routed):
+                found |= light_paths_of_film(prepared.scene, routed, sampling.film) if routed else {}
         with kept(labels):
             if labels and prepared.labelled is not None:
                 made, says = labels_of_view(prepared, labels, diagnostics)

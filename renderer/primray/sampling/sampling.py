@@ -60,6 +60,7 @@ class Sampling:
     stop: Stop | None = None
     most_fraction: float = 0.0
     judge_by: Judge | None = None
+    measures_at_end: bool = True  # for the report; what stops the render is measured whatever this says
     view_fault: str = ""  # why the display error, which is measured wherever a view exists, is missing
     _view: DisplayView | None = None
 
@@ -101,7 +102,7 @@ class Sampling:
                 self.aim()
             if self._render_pass(progress, pause) == "paused":
                 return False
-        if not self.schedule.is_part and not (self.schedule.pilot and self.rows):
+        if self.measures_at_end and not self.schedule.is_part and not (self.schedule.pilot and self.rows):
             self._measure_at_end()
         return True
 

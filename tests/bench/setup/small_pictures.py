@@ -196,8 +196,8 @@ def config_of(folder: Path, **changes: Any) -> Config:
 
 
 def labels_alone(folder: Path) -> Config:
-    settings = {"resolution": [640, 480], "spp": 1, "max_depth": 1, "aovs": ["depth", "normal", "position", "prim"]}
-    return config_of(folder, settings=settings, pictures=["npy"])
+    settings = {"resolution": [640, 480], "aovs": ["depth", "normal", "position", "prim"]}
+    return config_of(folder, settings=settings, pictures=["npy"], light=False)
 
 
 def measure(config: Config, samples: int, out: Path, profiled: bool) -> list[float]:

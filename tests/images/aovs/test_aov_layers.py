@@ -221,3 +221,22 @@ def test_albedo_of_colours_that_vary() -> None:
     image = picture(stage_of(text, light=NO_LIGHT), ("albedo", "position"))
     red = 0.5 + values(image, "position")[..., 0] / 18
     np.testing.assert_allclose(image.aovs["albedo"].values, np.stack([red, 0 * red, 0 * red + 1], axis=2), atol=6 / 72 / 18 / 4)
+
+
+def test_presence_that_varies_decides_where_points_look_through() -> None:
+    """Of a square whose opacity goes from 0 at the left to 1 at the right, the right half is there."""
+    opacities = '    float[] primvars:displayOpacity = [0, 1, 1, 0] (interpolation = "vertex")\n'
+    label = "    token[] semantics:labels:class = ['NAME']\n".replace("'", '"')
+    front = square("front", 1, more=opacities + label.replace("NAME", "front"))
+    back = square("back", 0, more=label.replace("NAME", "back"))
+    image = picture(stage_of(NO_LIGHT + front + back), aovs=("depth", "prim", "object_instance:class"))
+    middle = image.pixels.shape[1] // 2
+    of_prims = image.aovs["prim"].ids
+    shown = np.vectorize(of_prims.get)(values(image, "prim"))
+    assert set(shown[:, :middle].ravel()) == {"/back"}
+    assert set(shown[:, middle + 1 :].ravel()) == {"/front"}
+    things = {thing.path: thing for thing in image.things}
+    assert np.array_equal(image.mask_of(things["/front"]), shown == "/front")
+    half = things["/back"].pixels_in_frame // 2
+    assert abs(things["/front"].pixels_in_frame - half) <= shown.shape[0]
+    assert things["/back"].pixels_visible == (shown == "/back").sum()

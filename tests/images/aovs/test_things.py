@@ -160,3 +160,25 @@ def Scope "Render" {{
         image = primray.render(stage, resolution=(8, 8), spp=1, progress=False)
     assert [made.source for made in image.aovs.values()] == [aov]
     assert ("things" in image.report.get("labels", {})) == aov.startswith("object_instance")
+
+
+def test_first_hits_are_those_of_the_render(path: Path, image: primray.Image) -> None:
+    scene = primray.Scene(path)
+    aovs = ["semantic:class", "object_instance:class", "labels:class"]
+    seen = scene.first_hits(camera="/cam", aovs=aovs, resolution=SIZE)
+    assert seen.things == image.things
+    assert seen.report["labels"] == image.report["labels"]
+    assert seen.resolution == image.resolution
+    for name in aovs:
+        assert np.array_equal(seen.aovs[name].values, image.aovs[name].values)
+        assert seen.aovs[name].ids == image.aovs[name].ids
+    thing = seen.things[0]
+    assert np.array_equal(seen.mask_of(thing), image.mask_of(thing))
+
+
+@pytest.mark.parametrize("aov", ["crypto_object", "samples", "C.*", "volume", "deep", "lights"])
+def test_first_hits_have_nothing_that_is_made_of_light(path: Path, aov: str) -> None:
+    with pytest.raises(primray.errors.SettingsError) as caught:
+        primray.Scene(path).first_hits(camera="/cam", aovs=[aov], resolution=(8, 6))
+    assert caught.value.code == "aov-needs-light"
+    assert caught.value.where == "aovs"

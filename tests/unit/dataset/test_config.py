@@ -49,6 +49,10 @@ def parsed(tmp_path: Path, text: str) -> Config:
         ("vary:\n  c: {shell: /a, distance: 2, distortion: [1]}", 4, "vary.c.distortion", "needs intrinsics"),
         ("vary:\n  s: {scatter: /a, surface: /b, gap: -1}", 4, "vary.s.gap", "-1 is not 0 or more"),
         ("labels: {taxonomy: class, classes: [a, a]}", 3, "labels.classes", "twice"),
+        ("light: false", 3, "light", "what a sample has"),
+        ("light: false\npictures: [png]", 4, "pictures", "png is a picture"),
+        ("light: false\nlabels: {}\nsettings: {aovs: [crypto_object]}", 5, "settings.aovs", "made of light"),
+        ("light: false\nlabels: {}\nwrite: [coco]", 5, "write", "coco needs png"),
     ],
 )
 def test_a_mistake_is_named_by_line_and_key(tmp_path: Path, text: str, line: int, key: str, says: str) -> None:

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from primray.dataset import Config, Sampler, make, samples_of
+from primray import Image
+from primray.dataset import Config, Sampler, make, samples_of, verify
 from primray.dataset.ledger import finished, new_sample, sample_folder
 from primray.errors import InternalError, PrimrayError, SettingsError
 
@@ -109,6 +110,8 @@ def test_a_sample_is_that_of_a_new_render_of_its_stage(tmp_path: Path) -> None:
         kept.render(index)
     third, new = kept.render(2), Sampler(config).render(2)
     assert third[1] == new[1]
+    assert isinstance(third[0], Image)
+    assert isinstance(new[0], Image)
     assert np.array_equal(third[0].pixels, new[0].pixels)
 
 
@@ -281,3 +284,33 @@ def test_what_is_killed_while_packing_is_packed_again(tmp_path: Path) -> None:
     make(config_in(tmp_path), folder)
     shutil.rmtree(folder / "samples/000001")
     assert make(config_in(tmp_path), folder).rendered == 1
+
+
+def test_without_light_labels_and_aovs_are_those_of_the_pictures(tmp_path: Path) -> None:
+    both = {"labels": {"classes": ["ball", "box", "can"]}, "pictures": ["npy"]}
+    lit, unlit = config_in(tmp_path, **both), config_in(tmp_path, **both, light=False, write=["hdf5"])
+    make(lit, tmp_path / "lit")
+    made = make(unlit, tmp_path / "unlit")
+    for one, other in zip(samples_of(tmp_path / "lit"), samples_of(made.folder), strict=True):
+        assert one.things
+        assert one.things == other.things
+        assert one.record["aovs_sha256"] == other.record["aovs_sha256"]
+        assert one.record["varied"] == other.record["varied"]
+        assert np.array_equal(one.index_map, other.index_map)
+        assert one.record["pixels_sha256"]
+        assert other.record["pixels_sha256"] is None
+    assert verify(made.folder, share=1).difference is None
+
+
+def test_without_light_nothing_is_sampled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("a sample was taken")
+
+    monkeypatch.setattr("primray.core.render_pass", refuse)
+    monkeypatch.setattr("primray.core.choose_splits", refuse)
+    config = config_in(tmp_path, pictures=["npy"], light=False)
+    image, record = Sampler(config).render(0)
+    assert image.aovs["depth"].values.shape == (12, 16, 1)
+    assert record["pixels_sha256"] is None
+    with pytest.raises(AssertionError, match="a sample was taken"):
+        Sampler(config_in(tmp_path)).render(0)
