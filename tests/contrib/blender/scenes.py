@@ -620,7 +620,7 @@ def stops(asked):
 
 
 def first_hour(asked):
-    """A scene with a Principled material, an image of a sky, hair and an instancer, with passes."""
+    """A scene with a Principled material, an image of a sky, hair, smoke and an instancer, with passes."""
     scene = empty(64, samples=32)
     floor()
     linked_world((0, 0, 1.0), 1.5)
@@ -631,6 +631,7 @@ def first_hour(asked):
     furry.modifiers.new("hair", "PARTICLE_SYSTEM")
     settings = furry.particle_systems[0].settings
     settings.type, settings.count, settings.hair_length, settings.root_radius = "HAIR", 200, 0.3, 0.02
+    smoke(asked, volume(PRINCIPLED_VOLUME, Density=3.0, Anisotropy=0.2), (-1.6, 0, 1.1), scale=(0.7, 0.7, 0.7))
     camera((0, -5, 3), (math.radians(62), 0, 0), lens=35.0)
     both("first hour", asked["folder"])
     layer = bpy.context.view_layer

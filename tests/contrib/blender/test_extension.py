@@ -36,7 +36,7 @@ def test_every_file_names_its_licence() -> None:
 
 
 def test_a_first_hour(blender: str, tmp_path: Path) -> None:
-    """An image of a sky, hair and an instancer; the stage that was exported has the same bits from here."""
+    """An image of a sky, hair, smoke and an instancer; the stage that was exported has the same bits from here."""
     rows = {row["name"]: row for row in host.run("first_hour", tmp_path)}
     assert "error" not in rows["first hour"], rows
     ours, theirs = (host.read(rows["first hour"][key])[..., :3] for key in ("ours", "theirs"))
