@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from ..errors import InternalError, LimitError, PrimrayError, SceneError, SettingsError
+from ..version import __version__
 
 if TYPE_CHECKING:
     import numpy as np
@@ -207,9 +208,13 @@ def cache_files(asset: Path, sizes: Sequence[int]) -> list[Path]:
         if size not in CACHED_SIZES:
             known = ", ".join(map(str, CACHED_SIZES))
             raise SettingsError(f"the cache of thumbnails has the sizes {known}, not {size}", where="--size", code="thumbnail")
+    return [_cached(asset, CACHED_SIZES[size]) for size in sizes]
+
+
+def _cached(asset: Path, folder: str) -> Path:
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     name = hashlib.md5(uri_of(asset).encode(), usedforsecurity=False).hexdigest() + ".png"
-    return [Path(home, "thumbnails", CACHED_SIZES[size], name) for size in sizes]
+    return Path(home, "thumbnails", folder, name)
 
 
 def cache_text(asset: Path) -> dict[str, str]:
@@ -217,6 +222,40 @@ def cache_text(asset: Path) -> dict[str, str]:
     status = asset.stat()
     facts = {"URI": uri_of(asset), "MTime": str(int(status.st_mtime)), "Size": str(status.st_size)}
     return {f"Thumb::{name}": text for name, text in facts.items()} | {"Software": "primray"}
+
+
+def failure_file(asset: Path) -> Path:
+    """Return where the cache records that this version cannot make the asset's thumbnail."""
+    return _cached(asset, f"fail/primray-{__version__}")
+
+
+def failed_before(asset: Path) -> str | None:
+    """Return the recorded error of an asset that has not changed since; None: there is none."""
+    import OpenImageIO as oiio
+
+    file = failure_file(asset)
+    if not file.is_file():
+        return None
+    spec = oiio.ImageBuf(str(file)).spec()
+    text = cache_text(asset)
+    if any(spec.getattribute(name) != text[name] for name in ("Thumb::URI", "Thumb::MTime")):
+        return None
+    return str(spec.getattribute("ImageDescription") or "")  # as OpenImageIO calls it
+
+
+def record_failure(asset: Path, error: PrimrayError, text: Mapping[str, str]) -> None:
+    """Record the error in the cache, as an empty picture with the text of a thumbnail, so that nobody tries in vain again."""
+    import numpy as np
+
+    from ..images.output_path import make_folder
+
+    file = failure_file(asset)
+    make_folder(file)
+    with tempfile.TemporaryDirectory(prefix="primray-thumbnail-") as folder:
+        made = Path(folder, "fail.png")
+        said = error.message.encode("latin-1", "replace").decode("latin-1")  # what a PNG's text can hold
+        _write_png(np.zeros((1, 1, 4), np.uint8), str(made), {**text, "Description": f"{error.code}: {said}"})
+        place(made, file, 0o600)
 
 
 def place(made: Path, target: Path, mode: int | None = None) -> None:

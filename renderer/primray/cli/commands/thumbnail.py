@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ...errors import SettingsError, StageOpenError
+from ...errors import PrimrayError, SceneError, SettingsError, StageOpenError
 from .. import option_values
 from ..flags import in_order
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from ..thumbnail_renders import Request
 
 DEFAULT_SIZE = 256
 
@@ -128,7 +130,7 @@ def _made(
         files = [Path(folder, f"{size}.png") for size in sizes]
         text = cache_text(asset) if is_cached else {}
         request = Request(str(asset.absolute()), sizes, tuple(map(str, files)), settings, text, timeout_s, memory_bytes)
-        said = render_thumbnails(request, Path(folder))
+        said = _rendered_for_cache(asset, request, Path(folder)) if is_cached else render_thumbnails(request, Path(folder))
         if verbose and said:
             print(said, file=sys.stderr)
         if not is_packed:
@@ -137,6 +139,30 @@ def _made(
         if is_authored:
             author(asset, f"./{FOLDER}/{targets[0].name}", files[0])
     return [asset] if is_packed else [*targets, *([asset] if is_authored else [])]
+
+
+CHOICES = ("camera", "time_code", "variants", "purposes")  # of what a picture shows: another may be possible
+
+
+def _rendered_for_cache(asset: Path, request: Request, scratch: Path) -> str:
+    """Render, unless that has failed and the asset is the same; record a failure that is the asset's, not the request's."""
+    from ..thumbnail_renders import failed_before, failure_file, record_failure, render_thumbnails
+
+    is_plain = not request.settings.keys() & set(CHOICES)
+    before = failed_before(asset) if is_plain else None
+    if before is not None:
+        sentence = (
+            f"it could not be made before ({before}), and the asset has not changed; to try again, remove {failure_file(asset)}"
+        )
+        raise SceneError(sentence, where=str(asset), code="failed-before")
+    try:
+        said = render_thumbnails(request, scratch)
+    except PrimrayError as error:
+        if is_plain and error.exit_code != SettingsError.exit_code:
+            record_failure(asset, error, request.text)
+        raise
+    failure_file(asset).unlink(missing_ok=True)
+    return said
 
 
 def _targets(asset: Path, output: str | None, sizes: tuple[int, ...], is_authored: bool, is_cached: bool) -> list[Path]:

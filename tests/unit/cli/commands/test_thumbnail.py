@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import configparser
 import hashlib
+import os
 import shlex
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from tests.sanitized import limits_memory
 
 from primray.cli import run, thumbnail_renders
 from primray.cli.thumbnail_renders import _reduced, cache_files, uri_of
+from primray.version import __version__
 
 ROOT = Path(__file__).parents[4]
 HEAD = '#usda 1.0\n(\n    defaultPrim = "s"\n)\n'
@@ -109,6 +111,40 @@ def test_the_cache_of_file_browsers(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert spec.getattribute("Thumb::MTime") == str(int(asset.stat().st_mtime))
     chunk = b"tEXtThumb::URI\0" + uri.encode()
     assert chunk in made.read_bytes()
+
+
+def test_the_cache_records_what_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    asset = tmp_path / "a.usda"
+    asset.write_text(HEAD + 'def Xform "s" {}\n')
+    command = ["thumbnail", str(asset), "--cache", "-s", "128", *FEW]
+    assert run([*command, "--purposes", "guide"]) == 3  # another purpose may show something
+    assert files(tmp_path / "cache") == set()
+    assert run(command) == 3
+    (name,) = files(tmp_path / "cache")
+    assert name == f"thumbnails/fail/primray-{__version__}/{hashlib.md5(uri_of(asset).encode()).hexdigest()}.png"
+    file = tmp_path / "cache" / name
+    assert file.stat().st_mode & 0o777 == 0o600
+    spec = oiio.ImageBuf(str(file)).spec()
+    assert (spec.width, spec.height) == (1, 1)
+    assert spec.getattribute("Thumb::URI") == uri_of(asset)
+    assert spec.getattribute("Thumb::MTime") == str(int(asset.stat().st_mtime))
+
+    rendered: list[object] = []
+    monkeypatch.setattr(thumbnail_renders, "render_thumbnails", lambda *asked: rendered.append(asked))
+    capsys.readouterr()
+    assert run(command) == 3
+    assert rendered == []
+    said = capsys.readouterr().err
+    assert "error: failed-before: it could not be made before (no" in said
+    assert str(file) in said
+    monkeypatch.undo()
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    asset.write_text(BALL)
+    os.utime(asset, (1e9, 1e9))
+    assert run(command) == 0
+    assert [Path(each).parent.name for each in files(tmp_path / "cache")] == ["normal"]  # and no failure any more
 
 
 def test_uris_are_glibs() -> None:
