@@ -27,8 +27,9 @@ from ..images.image import Image
 from ..incremental.scene import Scene
 from ..settings import RenderSettings
 from ..usd import Edit, edits_between, made_alone, readable_layer, sampled_times, used_layer
-from .repository import Change, Sides
-from .touched import Touched
+from .changes import Change
+from .repository import Sides
+from .touched import Touched, absent_submodules
 
 SEEN = 2  # steps of 255 on a display from which on a pixel counts as seen to differ
 MOST_TIMES = 4
@@ -101,6 +102,10 @@ def judged(touched: Touched, sides: Sides, asked: Asked) -> StageResult:
     absent = [path for path in touched.files for side in (sides.before, sides.after) if is_pointer_file(str(side / path))]
     changed = {path for change in touched.changes for path in change.paths}
     notes = tuple(f"{path} is a Git LFS pointer: fetch it (git lfs pull)" for path in sorted(set(absent)))
+    missing = absent_submodules(touched, sides)
+    notes += tuple(sides.submodules.absent[path] for path in missing)
+    if any(path not in sides.submodules.alike for path in missing):
+        return StageResult(touched.path, "undecided", "a submodule's files are missing", touched.changes, notes=notes)
     if not before.is_file() or not after.is_file():
         return replace(_one_sided(touched, before, after, asked), notes=notes)
     scene, first, fault = _opened(before, asked)

@@ -9,7 +9,8 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from ..usd import files_named
-from .repository import Change, Sides
+from .changes import Change
+from .repository import Sides
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
@@ -50,13 +51,14 @@ def reach(sides: Sides, patterns: Sequence[str], most: int) -> Reach:
         roots = [path for path in sorted(named) if path not in inner]
     touched = []
     for path in roots:
-        met = tuple(change for change in sides.changes if change.paths & named[path])
+        folders = {each for each in sides.submodules.absent if _names_below(named[path], each)}
+        met = tuple(change for change in sides.changes if change.paths & (named[path] | folders))
         if met:
             touched.append(Touched(path, met, frozenset(named[path])))
     unreadable = [change for change in sides.changes if change.after in broken_after]
     never = [change for change in unreadable if change.before in broken_before]
     changed = {path for change in sides.changes for path in change.paths}
-    used = {path for stage in touched for path in stage.files}
+    used = {path for stage in touched for path in stage.files} | sides.submodules.absent.keys()
     return Reach(
         tuple(touched[:most]),
         max(0, len(touched) - most),
@@ -64,6 +66,15 @@ def reach(sides: Sides, patterns: Sequence[str], most: int) -> Reach:
         tuple(sorted(str(change.after) for change in never)),
         tuple(sorted(changed - used)),
     )
+
+
+def _names_below(files: set[str] | frozenset[str], folder: str) -> bool:
+    return any(file.startswith(f"{folder}/") for file in files)
+
+
+def absent_submodules(touched: Touched, sides: Sides) -> list[str]:
+    """Return the submodules that a stage names a file of, and whose files are missing on a side."""
+    return [path for path in sides.submodules.absent if _names_below(touched.files, path)]
 
 
 def _stage_files(side: Path) -> list[str]:

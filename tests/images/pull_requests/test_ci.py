@@ -16,7 +16,7 @@ from primray.ci.repository import FETCH_ALL, Sides
 from primray.ci.touched import Reach
 from primray.cli import run
 
-from .commits import COMMITS, KEY, Commit, commit, git, make_repository, replace
+from .commits import COMMITS, KEY, SHADER, Commit, commit, git, make_repository, replace
 from .kinds_of_files import KINDS
 
 SMALL = ["--imageWidth", "48", "--spp", "16"]
@@ -120,6 +120,107 @@ def test_a_shallow_clone_says_how_to_fetch_the_rest(
         assert FETCH_ALL in capsys.readouterr().err.replace("\n", " ")
     subprocess.run(FETCH_ALL, shell=True, check=True, capture_output=True)
     assert run(["ci", "origin/main", *SMALL]) == 1
+
+
+@pytest.fixture
+def with_submodule(repository: Path) -> Path:
+    """The shot's asset and its texture lie in a submodule, and a branch records a commit of it with a smoother one."""
+    library = repository.parent / "library"
+    library.mkdir()
+    for name in ("asset.usda", "paint.png"):
+        (repository / name).rename(library / name)
+    git(library, "init", "--quiet", "--initial-branch", "main")
+    git(library, "config", "uploadpack.allowAnySHA1InWant", "true")
+    commit(library, "first")
+    git(repository, *LOCAL, "submodule", "--quiet", "add", "--name", "assets", f"file://{library}", "lib/assets")
+    for name in ("shot", "other"):
+        text = (repository / f"{name}.usda").read_text()
+        (repository / f"{name}.usda").write_text(text.replace("@./asset.usda@", "@./lib/assets/asset.usda@"))
+    commit(repository, "a submodule")
+    git(repository, "switch", "--quiet", "--create", "change")
+    replace(library, "asset", SMOOTHER)
+    commit(library, "smoother")
+    git(repository / "lib/assets", "pull", "--quiet")
+    commit(repository, "a newer submodule")
+    return repository
+
+
+LOCAL = ("-c", "protocol.file.allow=always")
+SMOOTHER = ("inputs:roughness = 0.6", "inputs:roughness = 0.2")
+
+
+def verdicts(report: dict[str, Any]) -> dict[str, str]:
+    return {stage["stage"]: stage["verdict"] for stage in report["stages"]}
+
+
+def test_a_submodule_has_the_commits_that_both_sides_record(with_submodule: Path) -> None:
+    code, report = judged(with_submodule, "--head", "HEAD")
+    assert (code, verdicts(report)["shot.usda"]) == (1, "changed")
+    assert [change["after"] for change in report["changes"]] == ["lib/assets/asset.usda"]
+    (edit,) = next(stage["edits"] for stage in report["stages"] if stage["stage"] == "shot.usda")
+    assert (edit["edit"], edit["file"]) == (SHADER, "lib/assets/asset.usda")
+    assert edit["pixels"] > 0
+    again, working = judged(with_submodule)
+    assert (again, working["stages"]) == (code, report["stages"])
+    assert git(with_submodule / "lib/assets", "worktree", "list").count("\n") == 1  # nothing is left behind
+
+
+def test_what_is_not_committed_in_a_submodule_is_of_the_working_tree_alone(with_submodule: Path) -> None:
+    replace(with_submodule / "lib/assets", "asset", ("inputs:roughness = 0.2", "inputs:roughness = 0.1"))
+    for words, after in (((), "0.1"), (("--staged",), "0.2")):
+        code, report = judged(with_submodule, *words)
+        (edit,) = next(stage["edits"] for stage in report["stages"] if stage["stage"] == "shot.usda")
+        assert (code, edit["edit"], edit["values"]) == (1, SHADER, ["0.6", after])
+
+
+def test_edits_beside_a_submodule_change_what_they_change(with_submodule: Path) -> None:
+    git(with_submodule, "switch", "--quiet", "main")
+    git(with_submodule, *LOCAL, "submodule", "--quiet", "update")
+    git(with_submodule, "switch", "--quiet", "--create", "beside")
+    text = (with_submodule / "shot.usda").read_text()
+    (with_submodule / "shot.usda").write_text(text.replace("#usda 1.0\n", "#usda 1.0\n# a comment\n", 1))
+    commit(with_submodule, "a comment")
+    code, report = judged(with_submodule, "--head", "HEAD")
+    assert (code, verdicts(report)["shot.usda"]) == (0, "identical")
+    assert not report["stages"][0]["notes"]
+
+
+def test_a_submodule_that_is_not_here_is_named(with_submodule: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clone = with_submodule.parent / "clone"
+    git(with_submodule.parent, "clone", "--quiet", "--no-local", "--branch", "change", str(with_submodule), str(clone))
+    git(clone, "branch", "main", "origin/main")
+    monkeypatch.chdir(clone)
+    for words in (("--head", "HEAD"), ()):
+        code, report = judged(clone, *words)
+        assert (code, verdicts(report)["shot.usda"]) == (6, "undecided")
+        assert "git submodule update --init -- lib/assets" in " ".join(report["stages"][0]["notes"])
+
+    git(clone, *LOCAL, "submodule", "--quiet", "update", "--init", "--depth", "1")
+    code, report = judged(clone)
+    assert (code, verdicts(report)["shot.usda"]) == (6, "undecided")
+    (note,) = report["stages"][0]["notes"]
+    assert "lib/assets lacks the commit" in note
+    command = note.split("`")[1].split()
+    git(clone, *LOCAL, *command[1:])
+    assert judged(clone)[0] == 1
+
+    git(clone, "submodule", "deinit", "--force", "--quiet", "--", "lib/assets")  # the objects stay in .git/modules
+    assert judged(clone, "--head", "HEAD")[0] == 1
+
+
+def test_a_submodule_that_is_missing_on_both_sides_hides_no_other_change(
+    with_submodule: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clone = with_submodule.parent / "clone"
+    git(with_submodule.parent, "clone", "--quiet", "--no-local", "--branch", "main", str(with_submodule), str(clone))
+    monkeypatch.chdir(clone)
+    git(clone, "switch", "--quiet", "--create", "change")
+    replace(clone, "lights", ("intensity = 3", "intensity = 6"))
+    commit(clone, "brighter")
+    code, report = judged(clone)
+    (stage,) = [stage for stage in report["stages"] if stage["stage"] == "shot.usda"]
+    assert (code, stage["verdict"]) == (1, "changed")
+    assert "lib/assets" in stage["notes"][0]
 
 
 def test_edits_beyond_the_most_are_put_together(repository: Path) -> None:
