@@ -30,6 +30,7 @@ if not works():
 
 import mcp
 from mcp.client.stdio import StdioServerParameters, stdio_client
+from mcp_types import BlobResourceContents
 
 from primray_service.agents import looks
 from primray_service.agents.scene_processes import SceneLimits, SceneProcesses, _moved
@@ -148,6 +149,7 @@ def test_a_larger_picture_is_a_resource(folder: Path) -> None:
         read(large)
         (link,) = (item for item in large.content if item.type == "resource_link")
         (content,) = (await client.read_resource(link.uri)).contents
+        assert isinstance(content, BlobResourceContents)
         png = base64.b64decode(content.blob)
         assert content.mime_type == link.mime_type == "image/png"
         assert (len(png), struct.unpack(">II", png[16:24])[0]) == (link.size, 1000)
@@ -199,7 +201,7 @@ def _roughness(picture: bytes) -> float:
     with tempfile.NamedTemporaryFile(suffix=".png" if picture.startswith(b"\x89PNG") else ".jpg") as file:
         file.write(picture)
         file.flush()
-        values = oiio.ImageBuf(file.name).get_pixels(oiio.FLOAT)
+        values = np.asarray(oiio.ImageBuf(file.name).get_pixels(oiio.FLOAT))
     return float(np.abs(np.diff(values, axis=1)).mean())
 
 
