@@ -17,6 +17,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from ..content_hash import hash_of_file
 from ..images.image import write_text
 from ..images.output_path import make_folder
 from .sheet_renders import Limits, Outcome, render_stage, run_limited
@@ -87,8 +88,7 @@ class KeptOutcomes:
             if file in self._digests:
                 return self._digests[file]
         try:
-            with open(file, "rb") as stream:
-                digest = hashlib.file_digest(stream, "sha256").hexdigest()
+            digest = hash_of_file(file)
         except OSError:
             digest = _MISSING
         with self._lock:
@@ -109,7 +109,7 @@ def _request(limits: Limits) -> dict[str, Any]:
     from ..report.report import package_versions
 
     values = {name: value for name, value in asdict(limits).items() if name != "threads"}  # no pixel depends on threads
-    named = {word: _content(word) for word in _paths_in(limits.flags)}
+    named = {word: hash_of_file(word) for word in _paths_in(limits.flags)}
     environment = {name: os.environ.get(name) for name in _ENVIRONMENT}
     told = {"limits": values, "named": named, "environment": environment, "versions": package_versions()}
     return dict(json.loads(json.dumps(told)))
@@ -118,7 +118,3 @@ def _request(limits: Limits) -> dict[str, Any]:
 def _paths_in(flags: Iterable[str]) -> list[str]:
     words = [word.partition("=")[2] if word.startswith("--") and "=" in word else word for word in flags]
     return sorted({word for word in words if word and os.path.isfile(word)})
-
-
-def _content(file: str) -> str:
-    return hashlib.sha256(Path(file).read_bytes()).hexdigest()

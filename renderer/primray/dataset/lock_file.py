@@ -6,7 +6,6 @@ pixels'. Pixels are hashed, not files: a PNG depends on zlib's build, an EXR on 
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -14,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ..content_hash import hash_of_file
 from ..errors import SettingsError
 from ..report.report import package_versions
 from .config import Config
@@ -95,12 +95,7 @@ def input_hashes(config: Config) -> dict[str, str]:
     for path in config.files.values():
         is_stage = path.lower().endswith((".usd", ".usda", ".usdc", ".usdz"))
         files += usd.dependencies(path).files if is_stage else [path]
-    return {os.path.relpath(file, config.folder): _hash_of_file(file) for file in dict.fromkeys(files) if os.path.isfile(file)}
-
-
-def _hash_of_file(path: str) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return {os.path.relpath(file, config.folder): hash_of_file(file) for file in dict.fromkeys(files) if os.path.isfile(file)}
 
 
 def read_lock(folder: Path) -> Lock | None:

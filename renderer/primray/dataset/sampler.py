@@ -5,7 +5,6 @@ A sample is what its index makes of the stage. The picture is that of a new rend
 
 from __future__ import annotations
 
-import hashlib
 import json
 import warnings
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..camera import Projection, camera_as_json
+from ..content_hash import hash_of_array
 from ..errors import PrimrayError, SettingsError
 from ..incremental.scene import KeptStage
 from ..settings import RenderSettings, with_values
@@ -180,13 +180,6 @@ def _untold(diagnostics: Diagnostics) -> None:
 
 def record_text(record: dict[str, Any]) -> str:
     return json.dumps(record, ensure_ascii=False) + "\n"
-
-
-def hash_of_array(values: np.ndarray[Any, Any]) -> str:
-    """Return the SHA-256 of an array's type, shape and values."""
-    found = hashlib.sha256(f"{values.dtype.str}{values.shape}".encode())
-    found.update(np.ascontiguousarray(values).data)
-    return found.hexdigest()
 
 
 def write_pictures(image: Image | FirstHits, record: dict[str, Any], config: Config, place: Path) -> dict[str, str]:

@@ -32,6 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..color.color_space import ColorSpace
+from ..content_hash import hash_of_file
 from ..description import TextureFile, Wrap
 from ..errors import AssetError
 from ..installed_packages import version_of
@@ -200,11 +201,7 @@ class TileCache:
             found = note.read_text("ascii")
             if len(found) == 64:
                 return found
-        if read is not None:
-            digest = hashlib.sha256(read(name)).hexdigest()
-        else:
-            with open(path, "rb") as file:
-                digest = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = hash_of_file(path) if read is None else hashlib.sha256(read(name)).hexdigest()
         if time.time_ns() - about.st_mtime_ns > SETTLED_NS:
             self._put(note, lambda to: os.write(to, digest.encode()))
         return digest

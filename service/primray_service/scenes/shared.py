@@ -7,7 +7,6 @@ copies, removed after a day without use, and sooner, least recently used first, 
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -15,6 +14,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from primray.content_hash import hash_of_file
 
 from ..files import DataDirectory
 from ..jobs import Json, Scene
@@ -95,8 +96,7 @@ def bring(scene: Scene, data: DataDirectory, limits: Limits) -> None:
 
 
 def _received(scene: Scene, path: Path) -> Received:
-    with path.open("rb") as file:
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    sha256 = hash_of_file(path)
     if scene.id != f"sha256:{sha256}":
         raise Problem("internal", "The scene in the object store is damaged; upload it again.")
     return Received(path, sha256, path.stat().st_size, scene.name, "")

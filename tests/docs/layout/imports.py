@@ -21,6 +21,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
         "version",
         "errors",
         "arrays",
+        "content_hash",
         "installed_packages",
         "file_formats",
         "composition",
