@@ -54,6 +54,8 @@ if TYPE_CHECKING:
     from .light_meter.measuring import Measurement, measure
     from .light_meter.meters import LightMeter, MeterGrid, MeterKind
     from .light_mix.mix import LightMix, relight
+    from .pinned.pinning import Pinned, pin
+    from .pinned.verification import Verification, verify
     from .render.first_hits import FirstHits
     from .render.products import Product, render_products
     from .render.stereo import StereoImage, render_stereo
@@ -87,6 +89,7 @@ __all__ = [
     "MeterKind",
     "Metric",
     "Panorama",
+    "Pinned",
     "PixelLog",
     "PrimrayError",
     "Product",
@@ -103,6 +106,7 @@ __all__ = [
     "StudioLight",
     "Thing",
     "Verdict",
+    "Verification",
     "__version__",
     "compare",
     "dataset",
@@ -113,6 +117,7 @@ __all__ = [
     "inspect",
     "looking_at",
     "measure",
+    "pin",
     "profile",
     "read_image",
     "relight",
@@ -120,6 +125,7 @@ __all__ = [
     "render_frames",
     "render_products",
     "render_stereo",
+    "verify",
 ]
 
 if not TYPE_CHECKING:  # type checkers know the names above, and that there are no others
@@ -142,6 +148,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Measurement": "light_meter.measuring",
         "MeterGrid": "light_meter.meters",
         "MeterKind": "light_meter.meters",
+        "Pinned": "pinned.pinning",
         "PixelLog": "diagnosis.pixel_log",
         "Product": "render.products",
         "Projection": "camera",
@@ -153,18 +160,21 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "StereoImage": "render.stereo",
         "Thing": "labels.things",
         "Verdict": "compare.comparison",
+        "Verification": "pinned.verification",
         "debug_pixel": "diagnosis.pixel_log",
         "doctor": "diagnosis.doctor",
         "estimate": "diagnosis.estimate",
         "inspect": "diagnosis.inspection",
         "looking_at": "camera",
         "measure": "light_meter.measuring",
+        "pin": "pinned.pinning",
         "profile": "report.profile",
         "read_image": "images.reading",
         "relight": "light_mix.mix",
         "render_frames": "incremental.scene",
         "render_products": "render.products",
         "render_stereo": "render.stereo",
+        "verify": "pinned.verification",
     }
 
     def __getattr__(name):

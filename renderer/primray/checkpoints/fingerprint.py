@@ -49,7 +49,7 @@ def fingerprint(description: SceneDescription, textures: TextureSet) -> dict[str
 
 def fingerprint_of(description: SceneDescription, textures: TextureSet, parts: Collection[str]) -> dict[str, str]:
     """Return the digests of some parts."""
-    digests = _Digests(textures)
+    digests = Digests(textures)
     return {name: digests.of(_part(description, name)) for name in PARTS if name in parts}
 
 
@@ -60,7 +60,9 @@ def _part(description: SceneDescription, name: str) -> Any:
     return values[0] if len(values) == 1 else values
 
 
-class _Digests:
+class Digests:
+    """Digests of parts of a description. Each image is hashed once."""
+
     def __init__(self, textures: TextureSet) -> None:
         self._textures = textures
         self._images: dict[int, str] = {}

@@ -32,11 +32,13 @@ from .commands.estimate import estimate
 from .commands.inspect import inspect
 from .commands.measure import measure
 from .commands.merge import merge
+from .commands.pin import pin
 from .commands.relight import relight
 from .commands.render import render
 from .commands.sensor import sensor
 from .commands.sheet import sheet
 from .commands.thumbnail import thumbnail
+from .commands.verify import verify
 from .flags import default_of, flags_of, names_of
 
 
@@ -238,6 +240,8 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "thumbnail": thumbnail,
     "dataset": dataset,
     "compare": compare,
+    "pin": pin,
+    "verify": verify,
     "relight": relight,
     "sensor": sensor,
     "measure": measure,

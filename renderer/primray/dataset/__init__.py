@@ -15,9 +15,9 @@
 Every sample is a function of the config's seed, its index, and the names of what varies. docs/datasets.md describes configs.
 """
 
+from ..pinned.difference import Difference
 from .config import Config, Labels
 from .draws import Draws
-from .lock_file import Difference
 from .making import Made, make
 from .packing import Sample, samples_of
 from .sampler import Sampler

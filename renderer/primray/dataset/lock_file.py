@@ -15,6 +15,7 @@ from typing import Any
 
 from ..content_hash import hash_of_file
 from ..errors import SettingsError
+from ..pinned.difference import Difference, differences_between
 from ..report.report import package_versions
 from .config import Config
 from .document import differing_keys
@@ -25,24 +26,6 @@ FILE, CONFIG = "dataset.lock.json", "dataset.yaml"
 FORMAT = 1
 # Keys of a config on which no sample depends.
 FREE_KEYS = ("samples", "write")
-
-
-@dataclass(frozen=True)
-class Difference:
-    """A difference to what a data set was made with. `kind`: input, setting, version, isa, or pixels."""
-
-    kind: str
-    what: str  # the file, the key, the package, or the sample with what is in it
-    before: Any
-    now: Any
-
-    def __str__(self) -> str:
-        return f"{self.kind} {self.what}: {_shown(self.before)} when it was made, {_shown(self.now)} now"
-
-
-def _shown(value: Any) -> str:
-    text = "not there" if value is None else value if isinstance(value, str) else json.dumps(value)
-    return text if len(text) <= 70 else f"{text[:67]}..."
 
 
 @dataclass(frozen=True)
@@ -59,16 +42,12 @@ class Lock:
 
     def differences(self, other: Lock) -> Iterator[Difference]:
         """Yield what differs in another lock: inputs, settings, the ISA class, versions, in this order."""
-        for name in dict.fromkeys([*self.inputs, *other.inputs]):
-            if self.inputs.get(name) != other.inputs.get(name):
-                yield Difference("input", name, self.inputs.get(name), other.inputs.get(name))
+        yield from differences_between("input", self.inputs, other.inputs)
         for key, before, now in differing_keys(_counting(self.config), _counting(other.config)):
             yield Difference("setting", key, before, now)
         if self.isa != other.isa:
             yield Difference("isa", "class of the core", self.isa, other.isa)
-        for name in dict.fromkeys([*self.versions, *other.versions]):
-            if self.versions.get(name) != other.versions.get(name):
-                yield Difference("version", name, self.versions.get(name), other.versions.get(name))
+        yield from differences_between("version", self.versions, other.versions)
 
 
 def _counting(config: Mapping[str, Any]) -> dict[str, Any]:

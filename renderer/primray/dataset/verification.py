@@ -15,10 +15,11 @@ import numpy as np
 
 from ..content_hash import hash_of_array
 from ..errors import PrimrayError, SettingsError
+from ..pinned.difference import Difference
 from .config import Config
 from .draws import Draws
 from .ledger import finished, hashes_of, record_of, sample_folder, sample_name
-from .lock_file import CONFIG, Difference, Lock, lock_of, read_lock
+from .lock_file import CONFIG, Lock, lock_of, read_lock
 from .packing import read_integers
 from .sampler import Sampler
 

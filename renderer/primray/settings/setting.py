@@ -38,9 +38,9 @@ class Counts(Enum):
 
 
 # Commands of a flag: those that open a stage, sample it, make its picture, or draw it in their own process.
-OPENING = frozenset({"render", "estimate", "inspect", "doctor", "submit", "view"})
-RENDERING = frozenset({"render", "estimate", "submit"})
-PICTURES = frozenset({"render", "submit"})
+OPENING = frozenset({"render", "estimate", "inspect", "doctor", "submit", "view", "pin"})
+RENDERING = frozenset({"render", "estimate", "submit", "pin"})
+PICTURES = frozenset({"render", "submit", "pin"})
 DRAWING = frozenset({"render", "view"})
 
 

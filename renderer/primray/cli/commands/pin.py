@@ -1,0 +1,72 @@
+"""`primray pin`: renders a picture and writes its lock: hashes of all that its bits depend on, and of the bits."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ...settings import RenderSettings
+from .. import option_values
+from ..flags import (
+    CONTENTS,
+    DIFFUSION,
+    FRAMES,
+    LIGHTING,
+    REFUSAL,
+    SIZE,
+    SURFACES,
+    TEXTURES,
+    VIEWPOINT,
+    frames_in,
+    in_order,
+    setting_values,
+)
+
+if TYPE_CHECKING:
+    from ...pinned.pinning import Pinned
+
+
+@in_order(
+    *("scene", "output", "lock", *VIEWPOINT, *SIZE, *FRAMES, "spp", "target_error", "error_metric", "time_limit_s"),
+    *("denoise", "stop_at", "adaptive", "max_depth", "clamp_indirect", "caustics", "filter", "filter_width", "threads", "seed"),
+    *("rendering_color_space", "aovs", "aov_errors", "deep_tolerance", "deep_samples", *REFUSAL, "max_memory_bytes", *TEXTURES),
+    *(*SURFACES, *DIFFUSION, "lens_flaws", *LIGHTING, *CONTENTS, "json", "verbose"),
+)
+def pin(
+    scene: str,
+    output: Annotated[
+        str | None, typer.Option("--output", "-o", metavar="FILE", help="EXR of the picture.", show_default="none")
+    ] = None,
+    lock: Annotated[
+        str | None, typer.Option("--lock", metavar="FILE", help="Lock file.", show_default="<picture>.lock.json")
+    ] = None,
+    json: bool = False,
+    verbose: bool = False,
+    **given: Any,
+) -> None:
+    """Render a picture and write its lock, with which `primray verify` proves its bits anywhere."""
+    from ...pinned.pinning import pin as pinned_of
+    from ..console import showing
+
+    time_code = option_values.one_frame_of(frames_in(given, scene), "pin")
+    settings = RenderSettings(**setting_values(given), time_code=time_code)
+    with showing(output or scene, json) as progress:
+        made = pinned_of(scene, output, settings, lock=lock, progress=progress)
+    _tell(made, json)
+
+
+def _tell(made: Pinned, as_json: bool) -> None:
+    from ..console import print_line
+
+    picture = made.lock.picture
+    if as_json:
+        facts = {"file": made.lock.file, "pixels_sha256": picture.pixels_sha256, "inputs": len(made.lock.inputs)}
+        facts |= {"tiles": len(picture.tiles), "samples": picture.samples}
+        print_line({"type": "pin", "lock": str(made.file)} | facts)
+        return
+    width, height = picture.resolution
+    print(
+        f"{made.file}: {width} x {height} pixels, {picture.samples / (width * height):.4g} samples each, "
+        f"of {len(made.lock.inputs)} files, pixels_sha256 {picture.pixels_sha256[:12]}"
+    )

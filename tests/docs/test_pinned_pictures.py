@@ -1,0 +1,48 @@
+"""The page about pinned pictures is so: its commands run one after the other, and so does its Python."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+from primray.cli import run
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs/pinned-pictures.md").read_text(encoding="utf-8")
+SMALL = ["--resolution", "32", "16"]
+NEED_KEYS = {"--sign", "--key"}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copy(ROOT / "scenes/features/camera-lens/scene.usda", tmp_path / "shot.usda")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def commands() -> list[list[str]]:
+    return [shlex.split(line, comments=True) for line in re.findall(r"^    primray (.*)$", PAGE, re.MULTILINE)]
+
+
+def small(command: list[str]) -> list[str]:
+    return [*command[:2], *SMALL, *command[2:]] if command[0] == "pin" else command
+
+
+def test_its_commands_run(folder: Path) -> None:
+    plain = [command for command in commands() if not NEED_KEYS & set(command)]
+    assert [command[0] for command in plain] == ["pin", "verify", "verify", "verify", "verify"]
+    for command in plain:
+        if "farm.exr" in command:
+            shutil.copy("shot.exr", "farm.exr")
+        assert run(small(command)) == 0, command
+
+
+def test_its_python_runs(folder: Path) -> None:
+    found = re.search(r"In Python:\n\n((?:    .*\n)+)", PAGE)
+    assert found
+    text = "import primray\n" + re.sub("^    ", "", found[1], flags=re.MULTILINE)
+    exec(compile(text.replace("spp=64", "spp=2, resolution=(32, 16)"), "pinned-pictures.md", "exec"), {})
