@@ -41,6 +41,21 @@ def test_its_commands_run(folder: Path) -> None:
         assert run(small(command)) == 0, command
 
 
+def test_its_commands_about_attestations_run(folder: Path) -> None:
+    pytest.importorskip("securesystemslib", reason="no securesystemslib")
+    ed25519 = pytest.importorskip("cryptography.hazmat.primitives.asymmetric.ed25519", reason="no cryptography")
+    from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat, PublicFormat
+
+    key = ed25519.Ed25519PrivateKey.generate()
+    Path("key.pem").write_bytes(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+    Path("key.pub").write_bytes(key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo))
+    signing = [command for command in commands() if NEED_KEYS & set(command)]
+    assert len(signing) == 2
+    for command in signing:
+        assert run(small(command)) == 0, command
+    assert Path("shot.intoto.jsonl").exists()
+
+
 def test_its_python_runs(folder: Path) -> None:
     found = re.search(r"In Python:\n\n((?:    .*\n)+)", PAGE)
     assert found

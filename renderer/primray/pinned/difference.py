@@ -12,7 +12,7 @@ from typing import Any
 class Difference:
     """A difference to what a picture or a data set was made with.
 
-    `kind`: input, setting, version, isa, or pixels; of pinned pictures also lock, scene and picture (its file).
+    `kind`: input, setting, version, isa, or pixels; of pinned pictures also attestation, lock, scene and picture (its file).
     """
 
     kind: str

@@ -1,6 +1,6 @@
 """`verify`: renders a pinned picture again, all of it or random tiles, and finds the first difference to its lock.
 
-What is compared, in this order: the lock's seals, inputs, settings, the picture's file,
+What is compared, in this order: the signature, if one is asked for, the lock's seals, inputs, settings, the picture's file,
 what reaches the core by prim, and pixels. Versions, the build and the ISA class may differ without a difference in
 pixels; where pixels differ, they are to blame.
 """
@@ -23,6 +23,7 @@ from ..render.interruption import interruption
 from ..render.progress import shown_progress
 from ..report.report import Costs
 from ..settings import RenderSettings
+from .attestation import difference_of_attestation
 from .difference import Difference, differences_between
 from .inputs import environment, files_of, hashes, hashes_now, settings_for_lock, settings_of_lock, versions
 from .lock import SHORT, Lock, Picture, hash_of_tile
@@ -86,6 +87,8 @@ def verify(
     seed: int | None = None,
     stage: str | os.PathLike[str] | None = None,
     picture: str | os.PathLike[str] | Literal[False] | None = None,
+    key: str | os.PathLike[str] | None = None,
+    attestation: str | os.PathLike[str] | None = None,
     threads: int | None = None,
     progress: Progress | Literal[False] | None = None,
 ) -> Verification:
@@ -97,7 +100,9 @@ def verify(
 
     `share`: 1 renders all of them, and compares AOVs too; 0 renders none, and compares inputs and the picture's file. `seed`
     chooses the tiles; None: others each time. `stage` and `picture` are paths where the files are not where the lock says, such
-    as a picture that another machine, farm or service made. False: no file is compared.
+    as a picture that another machine, farm or service made. False: no file is compared. `key`, a PEM file with an Ed25519
+    public key, is the one that must have signed the attestation; None: no signature is asked for. `attestation`: None is beside
+    the lock.
     """
     if not 0 <= share <= 1:
         raise SettingsError(f"a share is 0 to 1, not {share:g}", where="share", code="verify-share")
@@ -107,8 +112,9 @@ def verify(
     if not root.is_file():
         raise SettingsError("there is no such stage; --stage names where it is", where=str(root), code="verify-stage")
     file = _file(found, place, picture)
+    unsigned = None if key is None else difference_of_attestation(found, place, key, attestation)
     with shown_progress(progress) as shown:
-        return _Verifier(found, root, file, threads, shown).run(broken, share, seed)
+        return _Verifier(found, root, file, threads, shown).run(broken, unsigned, share, seed)
 
 
 def _file(lock: Lock, place: Path, picture: str | os.PathLike[str] | Literal[False] | None) -> Path | None:
@@ -142,8 +148,10 @@ class _Verifier:
         except (TypeError, ValueError) as error:
             raise SettingsError(f"the lock has settings of another version: {error}", code="lock-unreadable") from None
 
-    def run(self, broken: Sequence[str], share: float, seed: int | None) -> Verification:
+    def run(self, broken: Sequence[str], unsigned: Difference | None, share: float, seed: int | None) -> Verification:
         try:
+            if unsigned is not None:
+                raise _Found(unsigned)
             if broken:
                 raise _Found(Difference("lock", f"section {broken[0]}", "its seal", "other contents"))
             self._compare_inputs()

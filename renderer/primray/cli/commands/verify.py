@@ -37,6 +37,18 @@ def verify(
             "--picture", metavar="FILE", help="EXR to compare, of any machine; none: none.", show_default="where the lock says"
         ),
     ] = None,
+    key: Annotated[
+        str | None,
+        typer.Option(
+            "--key",
+            metavar="FILE",
+            help="Ed25519 public key (PEM) that must have signed the attestation.",
+            show_default="no signature is asked for",
+        ),
+    ] = None,
+    attestation: Annotated[
+        str | None, typer.Option("--attestation", metavar="FILE", help="The attestation.", show_default="beside the lock")
+    ] = None,
     threads: int | None = None,
     json: Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-V", help="Print tracebacks of errors.")] = False,
@@ -60,6 +72,8 @@ def verify(
             seed=seed,
             stage=stage,
             picture=chosen,
+            key=key,
+            attestation=attestation,
             threads=threads,
             progress=progress,
         )
@@ -67,6 +81,8 @@ def verify(
         print_line({"type": "verification", "lock": lock, **found.as_json()})
     else:
         print("\n".join(_lines(lock, found)))
+        if key is not None and found.difference is None:
+            print(f"its attestation is signed by {key}")
     if found.difference is not None:
         raise typer.Exit(1)
 
