@@ -17,6 +17,10 @@ class PartLost(Exception):
     """The process or machine that rendered a part died; the part may be submitted again."""
 
 
+class PartsWithdrawn(Exception):
+    """Parts that were accepted before are not to be believed, as their worker was found out: the frame begins again."""
+
+
 class PartsExecutor(Protocol):
     """Renders parts of one frame at a time; methods are called from one thread."""
 
@@ -29,7 +33,8 @@ class PartsExecutor(Protocol):
     def submit(self, settings: RenderSettings, file: Path) -> Future[None]:
         """Render the part and write its complete checkpoint to `file` before the future is done.
 
-        The future raises PartLost if another attempt may help; any other error ends the frame. Cancelling it stops the work.
+        The future raises PartLost if another attempt may help, and PartsWithdrawn if the whole frame must begin again; any
+        other error ends the frame. Cancelling it stops the work.
         """
 
     def end(self) -> None:

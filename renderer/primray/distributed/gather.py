@@ -25,9 +25,10 @@ from ..sampling.error import DisplayView, ErrorCurve
 from ..sampling.sampling import Progress, Sampling
 from ..sampling.schedule import Schedule, Stop
 from ..settings import Metric, RenderSettings, StopAt
-from .executor import PartLost, PartsExecutor
+from .executor import PartLost, PartsExecutor, PartsWithdrawn
 from .planner import MOST_AHEAD, AssignedRanges, PartCosts, Range, samples_of_next_part
 
+MOST_WITHDRAWN = 8  # times that a frame begins again
 NOT_WHOLE = ("checkpoint-missing", "checkpoint-damaged")
 
 
@@ -42,16 +43,32 @@ def gather(
     with costs.stage("render"), tempfile.TemporaryDirectory(prefix="primray-parts-") as folder:
         try:
             executor.begin(stage)
-            frame = _Frame(executor, asked, Path(folder))
-            sampling = frame.run(progress)
+            frame, sampling = _sampled(executor, stage, asked, Path(folder), progress)
         finally:
             executor.end()
         sampling.film.image()
     return picture_of_parts(frame.gathering, sampling, costs, {"distribution": frame.as_json()})
 
 
+def _sampled(
+    executor: PartsExecutor, stage: str, asked: RenderSettings, folder: Path, progress: Progress | None
+) -> tuple[_Frame, Sampling]:
+    """Return the frame and its sampling, begun again where parts of it are withdrawn; PrimrayError if that does not end."""
+    why = ""
+    for attempt in range(MOST_WITHDRAWN + 1):
+        frame = _Frame(executor, asked, folder / str(attempt))
+        try:
+            return frame, frame.run(progress)
+        except PartsWithdrawn as withdrawn:
+            why = str(withdrawn)
+            executor.end()
+            executor.begin(stage)
+    raise PrimrayError(f"the frame began again {MOST_WITHDRAWN} times; the last: {why}", code="parts-withdrawn")
+
+
 class _Frame:
     def __init__(self, executor: PartsExecutor, asked: RenderSettings, folder: Path) -> None:
+        folder.mkdir()
         self.gathering = MergedParts()
         self._asked = asked
         self._out = Submissions(executor, asked, folder)

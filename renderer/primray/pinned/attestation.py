@@ -72,7 +72,7 @@ def attest(lock: str | os.PathLike[str], key: str | os.PathLike[str], output: st
     """
     require_signing()
     from securesystemslib.dsse import Envelope
-    from securesystemslib.signer import CryptoSigner
+    from securesystemslib.signer import CryptoSigner  # type: ignore[attr-defined]
 
     place, private = Path(lock), _private_key(key)
     payload = json.dumps(statement_of(Lock.read(place)[0], place), sort_keys=True, ensure_ascii=False).encode()
@@ -107,7 +107,7 @@ def difference_of_attestation(
     """
     require_signing()
     from securesystemslib.exceptions import VerificationError
-    from securesystemslib.signer import SSlibKey
+    from securesystemslib.signer import SSlibKey  # type: ignore[attr-defined]
 
     target = attestation_beside(place) if attestation is None else Path(attestation)
     public = SSlibKey.from_crypto(_public_key(key))

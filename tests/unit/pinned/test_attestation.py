@@ -47,10 +47,10 @@ def envelope_of(lock: Path) -> dict[str, Any]:
 
 def test_a_librarys_reader_finds_the_statement(signed: tuple[Path, Path, Path]) -> None:
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
-    from securesystemslib.signer import SSlibKey
+    from securesystemslib.signer import SSlibKey  # type: ignore[attr-defined]
 
     lock, _, public = signed
-    key = load_pem_public_key(public.read_bytes())
+    key: Any = load_pem_public_key(public.read_bytes())
     envelope = dsse.Envelope.from_dict(envelope_of(lock))
     assert len(envelope.verify([SSlibKey.from_crypto(key)], 1)) == 1
     # The signature is Ed25519's of DSSE's encoding, whatever library reads it.
