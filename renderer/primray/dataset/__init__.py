@@ -20,6 +20,7 @@ from .config import Config, Labels
 from .draws import Draws
 from .making import Made, make
 from .packing import Sample, samples_of
+from .ray_workers import RayWorkers
 from .sampler import Sampler
 from .verification import Verification, verify
 from .workers import LocalWorkers, SampleExecutor
@@ -31,6 +32,7 @@ __all__ = [
     "Labels",
     "LocalWorkers",
     "Made",
+    "RayWorkers",
     "Sample",
     "SampleExecutor",
     "Sampler",

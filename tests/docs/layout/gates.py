@@ -58,7 +58,8 @@ DEFAULT_TIMES = {
 WIDGETS = {"anywidget", "ipywidgets", "traitlets"}
 NOTEBOOK = "renderer/primray/notebook/view.py"
 MCP = f"{SERVICE}/agents/server.py"
-RAY = (f"{SERVICE}/executor/ray/driver", f"{SERVICE}/executor/ray/node")
+DATASET_RAY = "renderer/primray/dataset/ray_workers.py"
+RAY = (f"{SERVICE}/executor/ray/driver", f"{SERVICE}/executor/ray/node", DATASET_RAY)
 OBJECTS = {"fsspec", "s3fs", "boto3", "botocore"}
 BLOSC = "renderer/primray/volumes/vdb_values.py"
 SQL = {"sqlalchemy", "alembic", "sqlite3", "psycopg"}
@@ -115,7 +116,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
             if root in HTTP_SERVER and str(path) not in SERVERS:
                 yield f"imports {root} outside server.py and live/server.py"
             if root == "ray" and not any(is_under(path, folder) for folder in RAY):
-                yield "imports ray outside executor/ray/driver and executor/ray/node: the server has no Ray in its process"
+                where = "executor/ray/driver, executor/ray/node and dataset/ray_workers.py"
+                yield f"imports ray outside {where}: the server has no Ray in its process"
             if root in OBJECTS and path != PurePosixPath(f"{SERVICE}/objects.py"):
                 yield f"imports {root} outside objects.py"
             if root in WIDGETS and str(path) != NOTEBOOK:

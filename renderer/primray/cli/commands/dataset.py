@@ -35,7 +35,20 @@ def dataset(
             "--output", "-o", metavar="DIR", help="Folder of the data set; what is there goes on.", show_default=False
         ),
     ] = None,
-    processes: Annotated[int, typer.Option("--processes", "-n", metavar="N", help="Number of simultaneous renders.")] = 1,
+    processes: Annotated[
+        int | None,
+        typer.Option("--processes", "-n", metavar="N", help="Number of simultaneous renders.", show_default="1"),
+    ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            "--ray",
+            metavar="ADDRESS",
+            help="Render on the nodes of the Ray cluster with this head, HOST:PORT or auto, which see the same folders; "
+            "-n workers, as many as it has cores by default.",
+            show_default=False,
+        ),
+    ] = None,
     threads: int | None = None,
     share: Annotated[
         float, typer.Option("--share", metavar="SHARE", help="Share of the samples that verify renders again.")
@@ -61,14 +74,17 @@ def dataset(
         return
     if folder is not None or output is None:
         raise SettingsError("-o names the folder of the data set: primray dataset CONFIG -o DIR", code="dataset-output")
-    _make(source, output, processes, threads, as_json)
+    _make(source, output, processes, ray, threads, as_json)
 
 
-def _make(source: str, output: str, processes: int, threads: int | None, as_json: bool) -> None:
-    from ...dataset import Config, make
+def _make(source: str, output: str, processes: int | None, ray: str | None, threads: int | None, as_json: bool) -> None:
+    from ...dataset import Config, LocalWorkers, RayWorkers, make
 
     config = Config.read(source)
-    made = make(config, output, processes=processes, threads=threads, progress=_shown("samples done"))
+    executor: LocalWorkers | RayWorkers = LocalWorkers(1 if processes is None else processes)
+    if ray is not None:
+        executor = RayWorkers(ray, workers=processes, cores=threads or 1)
+    made = make(config, output, threads=threads, executor=executor, progress=_shown("samples done"))
     _print_made(made, as_json)
 
 
