@@ -177,7 +177,7 @@ def test_paths_to_be_chosen_are_chosen() -> None:
 @pytest.mark.parametrize("bin", [None, 5])
 def test_rays_that_mostly_follow_a_guide_bring_the_same_light(bin: int | None, tmp_path: Path) -> None:
     """One that has learnt for a larger picture has more than half of them; a guide that is wrong everywhere is only slower."""
-    large, small = (peer_room("window", size, 8, tmp_path) for size in ((480, 320), (48, 32)))
+    large, small = (peer_room("window", size, 8, tmp_path) for size in ((720, 480), (48, 32)))
     guide = core.module().learn_guide(large._scene, asked(max_depth=8, splits=2), core.lanes())
     assert 0.55 < guide.share < 0.7
     if bin is not None:

@@ -6,6 +6,10 @@
 // After Mueller, Gross and Novak 2017, "Practical Path Guiding", with simpler tables: regions are boxes of cells of a grid over
 // the vertices of the learning paths, halved until each holds few records; directions fall into fixed bins, by the cosine to
 // the orientation's axis and by an azimuth along the diamond |x| + |y| = 1, which needs no arc tangent.
+//
+// On surfaces directions are parallax-aware (after Ruppert, Herholz and Lensch 2020, "Robust Fitting of Parallax-Aware Mixtures
+// for Path Guiding"): what counts is the direction from the middle of a block of cells to the point that a ray reaches on a
+// sphere about it. So what was learnt anywhere in a block is aimed at from each of its points.
 #pragma once
 
 #include <cstdint>
@@ -25,6 +29,7 @@ template <int W, bool kInMedium = false>
 struct GuideLocation {
   vint<W> region, side;
   float share = kGuideShare;
+  vvec3<W> aside;  // from the middle of the block, in radii of its sphere
 };
 // Inside media regions are of spheres, and the share depends on the phase function.
 template <int W>
@@ -36,10 +41,16 @@ struct GuideLocation<W, true> {
 struct Guide {
   static constexpr int kGrid = 16, kSides = 6;  // cells along each axis; orientations by the normal's largest component
   static constexpr int kInside = kSides;        // in their place inside media, where the axis is that of the last two
-  static constexpr int kCosine = 8, kAzimuth = 32, kBins = kCosine * kAzimuth;
+  static constexpr int kCosine = 16, kAzimuthBits = 6, kAzimuth = 1 << kAzimuthBits, kBins = kCosine * kAzimuth;
+  // Cells of a block along each axis, and the radius of its sphere as a part of the grid's largest extent. Directions in ajar
+  // and window of the benchmark, cross entropy of what is found from the first vertex: blocks of 4, a radius of a half 1.153,
+  // 0.893; of 1 1.167, 0.899; of a quarter 1.154, 0.938; blocks of 2 1.154, 0.909; of 8 1.166, 0.922; without 1.174, 0.937.
+  static constexpr int kBlock = 4;
+  static constexpr float kRadius = 0.5f;
 
   struct Grid {
     float low[3], cells_per_unit[3];
+    float radii_per_block[3];  // size of a block in radii of its sphere
   };
   Grid surfaces, media;
   bool has_media = false;       // `region` has cells for kInside
@@ -66,10 +77,23 @@ struct Guide {
     };
     return ((side * vint<W>(kGrid) + cell(p.z, 2)) * vint<W>(kGrid) + cell(p.y, 1)) * vint<W>(kGrid) + cell(p.x, 0);
   }
+  // Position in a block, from its middle, in radii of its sphere; none along the orientation's axis, so that a hemisphere stays
+  // one. At most 0.36.
+  template <int W>
+  static PRIMRAY_INLINE vvec3<W> aside_of(const Grid& grid, vint<W> side, const vvec3<W>& p) {
+    const auto along = [&](vfloat<W> x, int axis) {
+      const vfloat<W> at = clamp((x - grid.low[axis]) * grid.cells_per_unit[axis], 0.0f, kGrid - 0x1p-10f) * (1.0f / kBlock);
+      return (at - to_float(truncate(at)) - 0.5f) * grid.radii_per_block[axis];
+    };
+    const vfloat<W> zero(0.0f);
+    const vint<W> axis = side >> 1;
+    return {select(axis == vint<W>(0), zero, along(p.x, 0)), select(axis == vint<W>(1), zero, along(p.y, 1)),
+            select(axis == vint<W>(2), zero, along(p.z, 2))};
+  }
   template <int W>
   PRIMRAY_INLINE GuideLocation<W> place_of(const vvec3<W>& p, const vvec3<W>& n) const {
     const vint<W> side = side_of<W>(n);
-    return {gather<W>(region.data(), cell_of(surfaces, side, p)), side, share};
+    return {gather<W>(region.data(), cell_of(surfaces, side, p)), side, share, aside_of(surfaces, side, p)};
   }
   // Region of points inside media, or -1.
   template <int W>
@@ -109,6 +133,19 @@ struct Guide {
       return height;
   }
 
+  // Direction from the middle of a block to where a ray along `d` from a point `aside` meets the block's sphere, and how much
+  // denser directions from the middle are there.
+  template <int W>
+  struct FromMiddle {
+    vvec3<W> d;
+    vfloat<W> density;
+  };
+  template <int W>
+  static PRIMRAY_INLINE FromMiddle<W> from_middle(const vvec3<W>& aside, const vvec3<W>& d) {
+    const vfloat<W> along = dot(aside, d), cosine = sqrt(along * along + (1.0f - dot(aside, aside))), t = cosine - along;
+    return {aside + d * t, t * t / cosine};
+  }
+
   // Bin of direction `d` in an orientation's axes (valid where d.z > 0, or inside media), and the density per solid angle of
   // choosing a bin and a direction in it uniformly.
   template <int W>
@@ -131,15 +168,19 @@ struct Guide {
   // Density of directions `d` (world space) per solid angle, in valid regions.
   template <bool kInMedium, int W>
   PRIMRAY_INLINE vfloat<W> pdf(const GuideLocation<W, kInMedium>& at, const vvec3<W>& d) const {
-    vvec3<W> local = d;
-    if constexpr (!kInMedium) local = to_side(at.side, d);
-    const Bin<W> bin = bin_of<kInMedium>(local);
-    const vint<W> i = at.region * vint<W>(kBins + 1) + bin.number;
-    const vfloat<W> mass = gather<W>(cdf.data() + 1, i) - gather<W>(cdf.data(), i);
-    if constexpr (kInMedium)
-      return mass * float(kBins) * bin.density;
-    else
-      return select(local.z > vfloat<W>(0.0f), mass * float(kBins) * bin.density, vfloat<W>(0.0f));
+    const auto mass_of = [&](vint<W> bin) {
+      const vint<W> i = at.region * vint<W>(kBins + 1) + bin;
+      return (gather<W>(cdf.data() + 1, i) - gather<W>(cdf.data(), i)) * float(kBins);
+    };
+    if constexpr (kInMedium) {
+      const Bin<W> bin = bin_of<kInMedium>(d);
+      return mass_of(bin.number) * bin.density;
+    } else {
+      const FromMiddle<W> from = from_middle(at.aside, d);
+      const vvec3<W> local = to_side(at.side, from.d);
+      const Bin<W> bin = bin_of<kInMedium>(local);
+      return select(local.z > vfloat<W>(0.0f), mass_of(bin.number) * bin.density * from.density, vfloat<W>(0.0f));
+    }
   }
 
   // Learnt radiance from directions `d`, in valid regions.
@@ -165,7 +206,7 @@ struct Guide {
     }
     const vfloat<W> begin = gather<W>(cdf.data(), base + bin), end = gather<W>(cdf.data() + 1, base + bin);
     const vfloat<W> within = clamp((u - begin) / max(end - begin, 1e-20f), 0.0f, 0x1.fffffep-1f);
-    const vint<W> c = bin >> 5, a = bin & vint<W>(kAzimuth - 1);
+    const vint<W> c = bin >> kAzimuthBits, a = bin & vint<W>(kAzimuth - 1);
     const vfloat<W> cosine = cosine_at<kInMedium>((to_float(c) + within) * (1.0f / kCosine));
     const vfloat<W> around = (to_float(a) + v) * (4.0f / kAzimuth);
     // Along the diamond, and out to the circle.
@@ -176,7 +217,7 @@ struct Guide {
     if constexpr (kInMedium)
       return local;
     else
-      return from_side(at.side, local);
+      return normalize(from_side(at.side, local) - at.aside);
   }
 };
 

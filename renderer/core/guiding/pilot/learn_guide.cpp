@@ -46,8 +46,8 @@ constexpr int kFirstTasks = 4, kFirstPasses = 3, kPasses = 7;
 constexpr int kFirstPassesTasks = kFirstTasks * ((1 << kFirstPasses) - 1);
 // Learning continues while its rays are at most kLearningShare of those that take a picture to an error of kTarget.
 constexpr double kLearningShare = 0.05, kTarget = 0.02;
-// A region is halved while it holds twice as many records; below kFewest it is left to the BSDF.
-constexpr int kEnough = 2000, kFewest = 200;
+// A region is halved while it holds twice as many records, inside media the second; below kFewest it is left to the BSDF.
+constexpr int kEnough = 3000, kEnoughInside = 4000, kFewest = 200;
 // The rest beside the guide's share of the rays falls with this power of the learning paths: 0.58 is the share with 124 tasks,
 // 0.65 with 508. Error (relMSE) x CPU seconds relative to a half: a door ajar 0.97, 0.91; a window 0.97, 0.83; an attic 0.96,
 // 0.96.
@@ -59,15 +59,30 @@ constexpr float kMostOfMean = 50;
 // them: smoke of optical depth 18 behind a window 0.099, 0.034, 0.027, 0.026 (without a guide inside 0.023); a foggy room
 // beyond a door 0.082, 0.089, 0.092, 0.103; one with sun through a window 0.0064, 0.0063, 0.0066, 0.0067.
 constexpr double kEven = 128;
+// Records with light, weighted as by blur(), from which on a bin is not blurred further; and the most steps. Cross entropy of
+// what is found from the first vertex, ajar of the benchmark: one step for all 1.174, no step 1.214, 10 records 1.154,
+// 30 1.151.
+constexpr double kClear = 30;
+constexpr int kBlurs = 3;
 
 struct Record {
-  float p[3];
-  // Estimate of the radiance from the direction of its bin, on surfaces times the cosine, divided by its sampling density.
+  float p[3], d[3];
+  // Estimate of the radiance from direction `d`, on surfaces times the cosine, divided by its sampling density.
   float value;
   float paths;  // number of paths that it represents: others from there ended
-  int16_t bin;
   int8_t side;
 };
+
+vvec3<1> vector_of(const float (&x)[3]) { return {vfloat<1>(x[0]), vfloat<1>(x[1]), vfloat<1>(x[2])}; }
+
+// Bin of a record's direction, on surfaces as seen from the middle of its block.
+int bin_of(const Record& r, const Guide::Grid& grid) {
+  const vvec3<1> d = vector_of(r.d);
+  if (r.side == Guide::kInside) return Guide::bin_of<true>(d).number[0];
+  const vint<1> side(r.side);
+  const vvec3<1> from = Guide::from_middle<1>(Guide::aside_of<1>(grid, side, vector_of(r.p)), d).d;
+  return Guide::bin_of<false>(Guide::to_side<1>(side, from)).number[0];
+}
 
 struct Found {
   std::vector<Record> records;
@@ -95,19 +110,14 @@ Found run_task(const Scene& scene, IntegratorSettings settings, TaskFunction tas
       const GuideRecord& r = log.records[size_t(slot) * GuideLog::kMost + size_t(i)];
       const float value = r.found * r.cosine / (r.pdf * r.survival);
       if (!std::isfinite(value) || !(r.beta > 0)) continue;
-      const vvec3<1> d{vfloat<1>(r.d[0]), vfloat<1>(r.d[1]), vfloat<1>(r.d[2])};
-      if (r.in_medium) {
-        const int bin = Guide::bin_of<true>(d).number[0];
-        records.push_back({{r.p[0], r.p[1], r.p[2]}, value, 1 / r.survival, int16_t(bin), int8_t(Guide::kInside)});
-        continue;
+      Record record{{r.p[0], r.p[1], r.p[2]}, {r.d[0], r.d[1], r.d[2]}, value, 1 / r.survival, int8_t(Guide::kInside)};
+      if (!r.in_medium) {
+        const vint<1> side = Guide::side_of<1>(vector_of(r.n));
+        record.side = int8_t(side[0]);
+        // Directions outside the hemisphere only show that the region is known.
+        if (!(Guide::to_side<1>(side, vector_of(r.d)).z[0] > 0)) record.value = 0;
       }
-      const vvec3<1> n{vfloat<1>(r.n[0]), vfloat<1>(r.n[1]), vfloat<1>(r.n[2])};
-      const vint<1> side = Guide::side_of<1>(n);
-      const vvec3<1> local = Guide::to_side<1>(side, d);
-      // Directions outside the hemisphere only show that the region is known.
-      const bool before = local.z[0] > 0;
-      const int bin = before ? Guide::bin_of<false>(local).number[0] : 0;
-      records.push_back({{r.p[0], r.p[1], r.p[2]}, before ? value : 0.0f, 1 / r.survival, int16_t(bin), int8_t(side[0])});
+      records.push_back(record);
     }
   }
   return found;
@@ -150,20 +160,60 @@ struct Regions {
   }
 };
 
-// Blurs a bin with its neighbours, or noise would be taken for light.
-void soften(const double* bins, double* soft) {
+using Bins = std::array<double, Guide::kBins>;
+
+// Adds to each bin, four times, its neighbours.
+Bins blur(const Bins& bins) {
+  Bins sums;
   for (int z = 0; z < Guide::kCosine; ++z) {
     for (int a = 0; a < Guide::kAzimuth; ++a) {
       const int left = (a + Guide::kAzimuth - 1) % Guide::kAzimuth, right = (a + 1) % Guide::kAzimuth;
       const int below = std::max(z - 1, 0), above = std::min(z + 1, Guide::kCosine - 1);
-      const auto at = [&](int i, int j) { return bins[i * Guide::kAzimuth + j]; };
-      soft[z * Guide::kAzimuth + a] = 4 * at(z, a) + at(z, left) + at(z, right) + at(below, a) + at(above, a);
+      const auto at = [&](int i, int j) { return bins[size_t(i * Guide::kAzimuth + j)]; };
+      sums[size_t(z * Guide::kAzimuth + a)] = 4 * at(z, a) + at(z, left) + at(z, right) + at(below, a) + at(above, a);
+    }
+  }
+  return sums;
+}
+
+// Means of bins and their neighbours, two by two along both directions and then blurred once: for media, where noise of bins is
+// a variance of weights that multiply.
+void blur_coarsely(Bins& bins) {
+  constexpr int kRows = Guide::kCosine / 2, kColumns = Guide::kAzimuth / 2;
+  const auto sum = [&](int z, int a) {
+    const int at = 2 * (z * Guide::kAzimuth + a), above = at + Guide::kAzimuth;
+    return bins[size_t(at)] + bins[size_t(at + 1)] + bins[size_t(above)] + bins[size_t(above + 1)];
+  };
+  Bins blurred;
+  for (int z = 0; z < kRows; ++z) {
+    for (int a = 0; a < kColumns; ++a) {
+      const double around = sum(z, (a + kColumns - 1) % kColumns) + sum(z, (a + 1) % kColumns);
+      const double beside = sum(std::max(z - 1, 0), a) + sum(std::min(z + 1, kRows - 1), a);
+      for (int i : {0, 1, Guide::kAzimuth, Guide::kAzimuth + 1})
+        blurred[size_t(2 * (z * Guide::kAzimuth + a) + i)] = 4 * sum(z, a) + around + beside;
+    }
+  }
+  bins = blurred;
+}
+
+// Blurs bins with their neighbours where few records have filled them, the farther the fewer, or noise would be taken for
+// light.
+void soften(Bins& bins, Bins counts) {
+  Bins blurred = bins;
+  std::array<bool, Guide::kBins> done;
+  for (size_t i = 0; i < done.size(); ++i) done[i] = counts[i] >= kClear;
+  for (int step = 0; step < kBlurs; ++step) {
+    blurred = blur(blurred), counts = blur(counts);
+    for (size_t i = 0; i < done.size(); ++i) {
+      blurred[i] *= 0.125;
+      if (!done[i]) bins[i] = blurred[i];
+      done[i] |= counts[i] >= kClear;
     }
   }
 }
 
 // Blends bins that `count` records have filled with kEven records from everywhere.
-void even_out(double count, std::array<double, Guide::kBins>& bins) {
+void even_out(double count, Bins& bins) {
   const double total = std::accumulate(bins.begin(), bins.end(), 0.0);
   for (double& b : bins) b = (total > 0 ? b / total * count : 0.0) + kEven / Guide::kBins;
 }
@@ -189,6 +239,8 @@ Guide::Grid grid_of(const std::vector<Record>& records, bool in_media, float (&e
     extent[k] = std::max(high - low, 1e-20f);
     grid.low[k] = low, grid.cells_per_unit[k] = Guide::kGrid / extent[k];
   }
+  const float radius = Guide::kRadius * std::max({extent[0], extent[1], extent[2]});
+  for (int k = 0; k < 3; ++k) grid.radii_per_block[k] = extent[k] * (float(Guide::kBlock) / Guide::kGrid) / radius;
   return grid;
 }
 
@@ -198,11 +250,16 @@ constexpr int kUnitBits = 20, kPathBits = 8, kSquareShift = 10;
 constexpr double kMostUnits = 0x1p30;
 
 struct CellSums {
+  static constexpr int kMostLit = 0xffff;
   std::array<int64_t, Guide::kBins> bins{};
+  std::array<uint16_t, Guide::kBins> lit{};  // records with light, kMostLit at most
   int64_t count = 0, paths = 0, squares = 0;
 
   void operator+=(const CellSums& other) {
-    for (size_t i = 0; i < bins.size(); ++i) bins[i] += other.bins[i];
+    for (size_t i = 0; i < bins.size(); ++i) {
+      bins[i] += other.bins[i];
+      lit[i] = uint16_t(std::min(int(lit[i]) + int(other.lit[i]), kMostLit));
+    }
     count += other.count, paths += other.paths, squares += other.squares;
   }
   int64_t value() const { return std::accumulate(bins.begin(), bins.end(), int64_t(0)); }
@@ -286,13 +343,14 @@ class Learnt {
   }
   void add(const std::vector<Record>& records) {
     for (const Record& r : records) {
-      const vvec3<1> p{vfloat<1>(r.p[0]), vfloat<1>(r.p[1]), vfloat<1>(r.p[2])};
-      int32_t& at = cell_index_[size_t(Guide::cell_of<1>(grids_[is_inside(r)], vint<1>(r.side), p)[0])];
+      int32_t& at = cell_index_[size_t(Guide::cell_of<1>(grids_[is_inside(r)], vint<1>(r.side), vector_of(r.p))[0])];
       if (at < 0) at = int32_t(cells_.size()), cells_.emplace_back();
       CellSums& cell = cells_[size_t(at)];
       const double units = std::min({double(r.value) / unit_, most_[is_inside(r)], kMostUnits});
       const auto value = int64_t(units);
-      cell.bins[size_t(r.bin)] += value, ++cell.count;
+      const auto bin = size_t(bin_of(r, grids_[is_inside(r)]));
+      cell.bins[bin] += value, ++cell.count;
+      if (value > 0 && cell.lit[bin] < CellSums::kMostLit) ++cell.lit[bin];
       cell.paths += int64_t(std::lrint(double(r.paths) * (1 << kPathBits)));
       cell.squares += (value >> kSquareShift) * (value >> kSquareShift);
     }
@@ -323,7 +381,7 @@ std::unique_ptr<Guide> Learnt::build(bool in_media) const {
   const int enough = int(kEnough * std::sqrt(more));
   Regions regions{counts, extent_[0], enough, *guide};
   for (int side = 0; side < sides; ++side) {
-    if (side == Guide::kInside) regions.extent = extent_[1];
+    if (side == Guide::kInside) regions.extent = extent_[1], regions.enough = int(kEnoughInside * std::sqrt(more));
     regions.halve(side, {0, 0, 0}, {Guide::kGrid, Guide::kGrid, Guide::kGrid});
   }
   if (regions.regions == 0) return nullptr;
@@ -338,15 +396,18 @@ std::unique_ptr<Guide> Learnt::build(bool in_media) const {
   guide->usual = float((sums_[0] + media_sum) / paths / kPi);
   guide->cdf.resize(size_t(regions.regions) * (Guide::kBins + 1));
   guide->received.resize(size_t(regions.regions));
-  std::array<double, Guide::kBins> own, soft;
+  Bins soft, lit;
   for (int region = 0; region < regions.regions; ++region) {
     const CellSums& of = found[size_t(region)];
     const bool inside = region >= first_inside;
-    std::copy(of.bins.begin(), of.bins.end(), own.begin());
+    std::copy(of.bins.begin(), of.bins.end(), soft.begin());
+    std::copy(of.lit.begin(), of.lit.end(), lit.begin());
     const double mean = double(of.value()) * unit_ / (double(of.paths) / (1 << kPathBits)) / kPi;
     guide->received[size_t(region)] = float(inside ? mean / 4 : mean);
-    soften(own.data(), soft.data());
-    if (inside) even_out(of.even_count(), soft);
+    if (inside)
+      blur_coarsely(soft), even_out(of.even_count(), soft);
+    else
+      soften(soft, lit);
     double total = 0, run = 0;
     for (double b : soft) total += b;
     float* cdf = &guide->cdf[size_t(region) * (Guide::kBins + 1)];
