@@ -20,7 +20,7 @@ from typing import Any
 from ..content_hash import hash_of_file
 from ..images.image import write_text
 from ..images.output_path import make_folder
-from .sheet_renders import Limits, Outcome, render_stage, run_limited
+from .sheet_renders import Limits, Outcome, Render, render_stage, run_limited
 
 _LIST_FILES = """
 import json, resource, sys
@@ -33,10 +33,11 @@ _MISSING = "missing"
 
 
 class KeptOutcomes:
-    """Outcomes in a folder. `found` counts those that did not have to be rendered again."""
+    """Outcomes in a folder. `found` counts those that did not have to be rendered again; `render` renders the others."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, render: Render = render_stage) -> None:
         self.found = 0
+        self._render = render
         self._folder = folder
         self._lock = threading.Lock()
         self._digests: dict[str, str] = {}  # of one sheet; textures are shared by many stages
@@ -55,7 +56,7 @@ class KeptOutcomes:
         scratch.mkdir(parents=True)
         files = _files_of(stage, limits, scratch)
         content = {file: self._digest(file) for file in files}
-        outcome = render_stage(folder, stage, limits, scratch)
+        outcome = self._render(folder, stage, limits, scratch)
         if files and isinstance(outcome.exit_code, int) and outcome.exit_code >= 0:  # others depend on the machine's load
             self._write(record, picture, outcome, {"asked": asked, "files": content})
         return outcome

@@ -93,6 +93,17 @@ def render_all(
 
 
 _pids: set[int] = set()  # processes that run_limited waits for
+_stops: set[Callable[[], object]] = set()  # what ends renders on other machines
+
+
+@contextmanager
+def stopping(stop: Callable[[], object]) -> Iterator[None]:
+    """Have `stop` called if the sheet is interrupted in the block, which waits for another machine."""
+    _stops.add(stop)
+    try:
+        yield
+    finally:
+        _stops.discard(stop)
 
 
 @contextmanager
@@ -106,6 +117,8 @@ def processes(at_once: int) -> Iterator[ThreadPoolExecutor]:
             yield pool
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            for stop in list(_stops):
+                stop()
             for pid in list(_pids):
                 with suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGKILL)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,7 +19,7 @@ from .. import option_values
 from ..flags import in_order
 
 if TYPE_CHECKING:
-    from ..sheet_renders import Limits, Outcome
+    from ..sheet_renders import Limits, Outcome, Render
 
 PICTURES = (".png", ".jpg", ".jpeg")
 PAGES = (".html", ".htm")
@@ -87,6 +88,14 @@ def sheet(
             show_default=False,
         ),
     ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Render a folder's stages on the nodes of a Ray cluster: HOST:PORT, or auto on one of its nodes.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Render a contact sheet of the stages in a folder, or of one stage's frames, cameras and variants.
 
@@ -96,7 +105,7 @@ def sheet(
 
     if min(image_width, spp, at_once, 1 if columns is None else columns) < 1 or timeout <= 0:
         raise SettingsError("width, samples, simultaneous renders, columns and the time limit must be above 0")
-    further, own_width = _checked(flags or [])
+    further, own_width, settings = _checked(flags or [], is_remote=ray is not None)
     memory = option_values.bytes_of(max_memory_bytes) or 0
     limits = Limits(
         width=own_width or image_width,
@@ -111,11 +120,15 @@ def sheet(
         if frames is not None or cameras or variants or columns:
             sentence = "frames, cameras, variants and columns are for the sheet of one stage, but this is a folder"
             raise SettingsError(sentence, where=source, code="sheet")
-        outcomes = _sheet_of_folder(Path(source), output or "sheet.html", limits, at_once, roots_only, keep)
+        settings = settings if own_width is not None else {**settings, "resolution": (image_width, 0)}
+        remote = None if ray is None else (ray, {**settings, "spp": settings.get("spp", spp)})
+        outcomes = _sheet_of_folder(Path(source), output or "sheet.html", limits, at_once, roots_only, keep, remote)
         failed = sum(outcome.failed for outcome in outcomes)
     else:
         if keep is not None:
             raise SettingsError("--keep is for the sheet of a folder, but this is a stage", where=source, code="sheet")
+        if ray is not None:
+            raise SettingsError("--ray is for the sheet of a folder, but this is a stage", where=source, code="sheet")
         if roots_only:
             raise SettingsError("--roots-only is for the sheet of a folder, but this is a stage", where=source, code="sheet")
         time_codes = option_values.time_codes_of(option_values.frames_of(frames, None, None, False, source, None))
@@ -126,29 +139,48 @@ def sheet(
         raise typer.Exit(1)
 
 
-def _checked(flags: list[str]) -> tuple[tuple[str, ...], int | None]:
-    """Return the further render flags and the width they set, if any; a usage error for unknown flags, before any render."""
+OF_SETTINGS = frozenset({"complexity", "no_payloads", "image_width", "scene"})  # parameters that make settings
+
+
+def _checked(flags: list[str], *, is_remote: bool) -> tuple[tuple[str, ...], int | None, dict[str, Any]]:
+    """Return the further render flags, the width they set, if any, and their settings; a usage error for unknown flags, and
+    for those that are no settings where other machines render."""
     from typer.main import get_command
 
+    from ...settings import RenderSettings, rows
     from ..app import app
+    from ..flags import setting_values
     from ..foreign_command_lines import translate_foreign_flags
 
     flags = translate_foreign_flags(["render", *flags])[1:]
     render = get_command(app).get_command(None, "render")  # type: ignore[attr-defined]
     with render.make_context("render", ["scene.usda", *flags]) as context:
         given = context.params
+        sources = {name: context.get_parameter_source(name) for name in given}
+        typed = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
     res, width = given["resolution"], given["image_width"]
     size = option_values.resolution_of(res, width)
-    return tuple(flags), None if size is None else size[0]
+    others = sorted(set(typed) - {row.name for row in rows(RenderSettings)} - OF_SETTINGS)
+    if is_remote and others:
+        sentence = f"with --ray, further flags are those of settings, which {', '.join(others)} is not"
+        raise SettingsError(sentence, where="FLAGS", code="parts-setting")
+    values = {name: value for name, value in setting_values(given).items() if name in typed or name == "resolution"}
+    return tuple(flags), None if size is None else size[0], values if is_remote else {}
 
 
 def _sheet_of_folder(
-    root: Path, output: str, limits: Limits, at_once: int, roots_only: bool, keep: str | None
+    root: Path,
+    output: str,
+    limits: Limits,
+    at_once: int,
+    roots_only: bool,
+    keep: str | None,
+    remote: tuple[str, dict[str, Any]] | None,
 ) -> list[Outcome]:
     from ...images.image import write_text
     from ..kept_outcomes import KeptOutcomes
     from ..sheet_pictures import page
-    from ..sheet_renders import render_all, stage_files
+    from ..sheet_renders import render_all, render_stage, stage_files
 
     stages = stage_files(root)
     if roots_only:
@@ -159,10 +191,14 @@ def _sheet_of_folder(
     if not stages:
         raise SettingsError("the folder has no stages (usd, usda, usdc, usdz)", where=str(root), code="no-stages")
     _check_output(output, PAGES)
-    with tempfile.TemporaryDirectory(prefix="primray-sheet-") as scratch:
-        kept = None if keep is None else KeptOutcomes(Path(keep))
-        render = None if kept is None else kept.render
-        outcomes = render_all(root, stages, limits, at_once, Path(scratch), _print_outcome, render)
+    with ExitStack() as open_until_end:
+        scratch = Path(open_until_end.enter_context(tempfile.TemporaryDirectory(prefix="primray-sheet-")))
+        render: Render = render_stage
+        if remote is not None:
+            render, slots = _on_ray(*remote, open_until_end)
+            at_once = max(at_once, slots)
+        kept = None if keep is None else KeptOutcomes(Path(keep), render)
+        outcomes = render_all(root, stages, limits, at_once, scratch, _print_outcome, render if kept is None else kept.render)
         write_text(Path(output), page(f"{root.resolve().name}: {len(outcomes)} stages", outcomes))
     _write_json(output, outcomes)
     failed = sum(outcome.failed for outcome in outcomes)
@@ -170,6 +206,16 @@ def _sheet_of_folder(
     same = "" if kept is None else f", {kept.found} unchanged"
     print(f"{output}: {len(outcomes)} stages, {failed} failed, {odd} odd{same}")
     return outcomes
+
+
+def _on_ray(address: str, values: dict[str, Any], until: ExitStack) -> tuple[Render, int]:
+    """Connect; return what renders a stage on the cluster, and how many it renders at a time."""
+    from ...settings import RenderSettings
+    from ..ray_sheets import RaySheet, ray_stages
+
+    settings = RenderSettings(**values)
+    executor = until.enter_context(ray_stages(address))
+    return RaySheet(executor, settings).render, executor.slots()
 
 
 def _sheet_of_shot(stage: Path, asked: tuple[Any, ...], output: str, limits: Limits, at_once: int) -> list[Outcome]:

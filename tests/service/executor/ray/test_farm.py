@@ -17,6 +17,7 @@ from tests.service.losing import KillsUntilLost
 import primray
 from primray.cli import run
 from primray_service.farm.ray_parts import LIMITS, RayParts
+from primray_service.farm.ray_stages import RayStages
 from primray_service.farm.status import FarmStatus, farm_status
 
 SCENE = Path(__file__).parents[4] / "scenes/features/glass/scene.usda"
@@ -73,3 +74,23 @@ def test_by_the_command(cluster: RunningCluster, tmp_path: Path, monkeypatch: py
     assert run(["render", str(SCENE), *flags]) == 0
     one = primray.render(SCENE, resolution=SIZE, spp=32)
     assert json.loads(report.read_text())["pixels_sha256"] == one.report["pixels_sha256"]
+
+
+def test_a_contact_sheet_by_the_command(
+    cluster: RunningCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("primray.cli.ray_sheets.ray_stages", RayStages)
+    library = tmp_path / "library"
+    library.mkdir()
+    for k in range(4):
+        (library / f"{k}.usda").write_text(f'#usda 1.0\ndef Sphere "s"\n{{\n    double radius = {k + 1}\n}}\n')
+    flags = ["-o", str(tmp_path / "s.html"), "--imageWidth", "48", "--spp", "4", "--timeout", "600"]
+    flags += ["--keep", str(tmp_path / "kept")]
+    assert run(["sheet", str(library), *flags, "--ray", cluster.address]) == 0
+    rows = json.loads((tmp_path / "s.json").read_text())
+    for row in rows:
+        one = primray.render(library / row["stage"], resolution=(48, 0), spp=4)
+        assert row["report"]["pixels_sha256"] == one.report["pixels_sha256"]
+    capsys.readouterr()
+    assert run(["sheet", str(library), *flags, "--ray", cluster.address]) == 0
+    assert "4 stages, 0 failed, 0 odd, 4 unchanged" in capsys.readouterr().out
