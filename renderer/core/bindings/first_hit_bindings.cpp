@@ -9,6 +9,7 @@
 
 #include "aov/extents.hpp"
 #include "aov/first_hit.hpp"
+#include "aov/returns.hpp"
 #include "base/error.hpp"
 #include "bindings/arrays.hpp"
 
@@ -154,6 +155,43 @@ std::tuple<OutArray<int64_t, 1>, OutArray<int64_t, 1>> count_rays(const Numbered
   return {to_numpy(std::move(counts.passing), {n}), to_numpy(std::move(counts.first), {n})};
 }
 
+// `origins` and `directions`: (N, 3) in the world; `times`: (N) within the span; `reach`: where rays begin and end, in scene
+// units; `weights`: of R, G and B. Returns the number of returns of each ray (N), and of all of them, in order, (M, 4) shape,
+// instance, outer instance and surface, (M) distances, and (M, 2) strength and cosine.
+std::tuple<OutArray<uint32_t, 1>, OutArray<int32_t, 2>, OutArray<double, 1>, OutArray<float, 2>> returns(
+    const Scene& scene, const InArray<double>& origins, const InArray<double>& directions, const InArray<float>& times,
+    const std::tuple<double, double>& reach, const std::tuple<float, float, float>& weights, float least_alpha,
+    float least_strength, int lanes, int threads) {
+  const size_t n = times.size();
+  if (origins.size() != 3 * n || directions.size() != 3 * n) throw Error("internal", "each ray has an origin and a direction");
+  ReturnRays rays;
+  rays.origin.resize(n), rays.direction.resize(n);
+  for (size_t i = 0; i < n; ++i) {
+    const double *o = origins.data() + 3 * i, *d = directions.data() + 3 * i;
+    rays.origin[i] = {o[0], o[1], o[2]}, rays.direction[i] = {d[0], d[1], d[2]};
+  }
+  rays.time.assign(times.data(), times.data() + n);
+  rays.near = std::get<0>(reach), rays.far = std::get<1>(reach);
+  rays.weights = {std::get<0>(weights), std::get<1>(weights), std::get<2>(weights)};
+  rays.least_alpha = least_alpha, rays.least_strength = least_strength;
+  std::vector<int32_t> what;
+  std::vector<double> distances;
+  std::vector<float> strengths;
+  {
+    const nb::gil_scoped_release released;
+    find_returns(scene, lanes, threads, rays);
+    for (const std::vector<Return>& task : rays.by_task)
+      for (const Return& r : task) {
+        what.insert(what.end(), {r.shape, r.instance, r.outer, r.surface});
+        distances.push_back(r.distance);
+        strengths.insert(strengths.end(), {r.strength, r.cosine});
+      }
+  }
+  const size_t m = distances.size();
+  return {to_numpy(std::move(rays.count), {n}), to_numpy(std::move(what), {m, 4}), to_numpy(std::move(distances), {m}),
+          to_numpy(std::move(strengths), {m, 2})};
+}
+
 // Returns (K, 2) group and shape of each part.
 OutArray<int32_t, 2> parts_of_groups(const Scene& scene) {
   std::vector<int32_t> found;
@@ -228,6 +266,8 @@ void bind_first_hit(nb::module_& m) {
   m.def("numbered_layers", &numbered_layers, nb::arg("scene"), nb::arg("positions"), nb::arg("first_only"), nb::arg("lanes"),
         nb::arg("threads"));
   m.def("layers", &layers, nb::arg("scene"), nb::arg("positions"), nb::arg("first_only"), nb::arg("lanes"), nb::arg("threads"));
+  m.def("returns", &returns, nb::arg("scene"), nb::arg("origins"), nb::arg("directions"), nb::arg("times"), nb::arg("reach"),
+        nb::arg("weights"), nb::arg("least_alpha"), nb::arg("least_strength"), nb::arg("lanes"), nb::arg("threads"));
   m.def("project", &project, nb::arg("scene"), nb::arg("points"));
   m.def("parts_of_groups", &parts_of_groups, nb::arg("scene"));
   m.def("extents", &extents, nb::arg("scene"), nb::arg("parts"), nb::arg("axes"), nb::arg("threads"));

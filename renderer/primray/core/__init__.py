@@ -28,6 +28,7 @@ from .passes import (
     PickedPoint,
     Progress,
     Recording,
+    Returns,
     choose_splits,
     coverage,
     extents,
@@ -40,6 +41,7 @@ from .passes import (
     project,
     render,
     render_pass,
+    returns,
 )
 from .scene import CoreScene, Splits, build, dice
 
@@ -58,6 +60,7 @@ __all__ = [
     "PickedPoint",
     "Progress",
     "Recording",
+    "Returns",
     "Splits",
     "build",
     "build_digest",
@@ -80,6 +83,7 @@ __all__ = [
     "project",
     "render",
     "render_pass",
+    "returns",
     "runnable_isas",
     "samples_of_replicates",
     "threads",

@@ -1278,6 +1278,23 @@ def layers(
     Annotated[NDArray[numpy.int32], {"shape": (None, None)}],
     Annotated[NDArray[numpy.float32], {"shape": (None, None)}],
 ]: ...
+def returns(
+    scene: Scene,
+    origins: NDArray[numpy.float64],
+    directions: NDArray[numpy.float64],
+    times: NDArray[numpy.float32],
+    reach: tuple[float, float],
+    weights: tuple[float, float, float],
+    least_alpha: float,
+    least_strength: float,
+    lanes: int,
+    threads: int,
+) -> tuple[
+    Annotated[NDArray[numpy.uint32], {"shape": (None,)}],
+    Annotated[NDArray[numpy.int32], {"shape": (None, None)}],
+    Annotated[NDArray[numpy.float64], {"shape": (None,)}],
+    Annotated[NDArray[numpy.float32], {"shape": (None, None)}],
+]: ...
 def project(scene: Scene, points: NDArray[numpy.float64]) -> Annotated[NDArray[numpy.float64], {"shape": (None, None)}]: ...
 def parts_of_groups(scene: Scene) -> Annotated[NDArray[numpy.int32], {"shape": (None, None)}]: ...
 def extents(

@@ -249,6 +249,53 @@ def numbered_layers(
 
 
 @dataclass(frozen=True)
+class Returns:
+    """What rays get back (core/aov/returns.hpp): the number (N) of each ray's returns, and all of them, in order along rays.
+
+    `what` (M, 4): shape, instance and outer instance as `first_hits` numbers them, and surface; `distance` (M): optical, in
+    scene units; `strength` and `cosine` (M): both 1 of a white Lambertian surface that faces the ray.
+    """
+
+    count: npt.NDArray[np.uint32]
+    what: npt.NDArray[np.int32]
+    distance: Doubles
+    strength: Floats
+    cosine: Floats
+
+
+def returns(
+    scene: CoreScene,
+    rays: tuple[Doubles, Doubles, Floats],
+    reach: tuple[float, float],
+    weights: tuple[float, float, float],
+    least_alpha: float,
+    settings: RenderSettings,
+) -> Returns:
+    """Return what comes back along rays: origins (N, 3) and unit directions (N, 3) in the world, and times in the span (N).
+
+    Rays begin and end at distances `reach`, in scene units; `weights` are of R, G and B, `least_alpha` is that of reflections.
+    """
+    origins, directions, times = rays
+    try:
+        count, what, distance, strength = compiled.returns(
+            scene._scene,
+            origins=np.ascontiguousarray(origins, np.float64),
+            directions=np.ascontiguousarray(directions, np.float64),
+            times=np.ascontiguousarray(times, np.float32),
+            reach=reach,
+            weights=weights,
+            least_alpha=least_alpha,
+            least_strength=0.0,
+            lanes=lanes(),
+            threads=threads(settings),
+        )
+    except compiled.CoreError as error:
+        raise_primray_error(error)
+    _check_textures(scene)
+    return Returns(count, what, distance, strength[:, 0], strength[:, 1])
+
+
+@dataclass(frozen=True)
 class Extents:
     """Bounds of parts: (N, 4) on the film in pixels of the frame, (N) nearest depth, (N, 2, 3) in axes of their own.
 
