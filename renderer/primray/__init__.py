@@ -60,6 +60,8 @@ if TYPE_CHECKING:
     from .render.products import Product, render_products
     from .render.stereo import StereoImage, render_stereo
     from .report.profile import profile
+    from .sensor.lidar import LidarDetector, LidarScan, lidar
+    from .sensor.lidar_pattern import LidarPattern
     from .sensor.model import RawImage, SensorModel
 
 __all__ = [
@@ -80,6 +82,9 @@ __all__ = [
     "FirstHits",
     "Ground",
     "Image",
+    "LidarDetector",
+    "LidarPattern",
+    "LidarScan",
     "LightMeter",
     "LightMix",
     "LocalProcesses",
@@ -115,6 +120,7 @@ __all__ = [
     "errors",
     "estimate",
     "inspect",
+    "lidar",
     "looking_at",
     "measure",
     "pin",
@@ -141,6 +147,9 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "DistortionModel": "lens.distortion",
         "FirstHits": "render.first_hits",
         "Image": "images.image",
+        "LidarDetector": "sensor.lidar",
+        "LidarPattern": "sensor.lidar_pattern",
+        "LidarScan": "sensor.lidar",
         "LightMeter": "light_meter.meters",
         "LightMix": "light_mix.mix",
         "LocalProcesses": "distributed.local_processes",
@@ -165,6 +174,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "doctor": "diagnosis.doctor",
         "estimate": "diagnosis.estimate",
         "inspect": "diagnosis.inspection",
+        "lidar": "sensor.lidar",
         "looking_at": "camera",
         "measure": "light_meter.measuring",
         "pin": "pinned.pinning",

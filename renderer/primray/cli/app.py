@@ -30,6 +30,7 @@ from .commands.dataset import dataset
 from .commands.doctor import doctor
 from .commands.estimate import estimate
 from .commands.inspect import inspect
+from .commands.lidar import lidar
 from .commands.measure import measure
 from .commands.merge import merge
 from .commands.pin import pin
@@ -244,6 +245,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "verify": verify,
     "relight": relight,
     "sensor": sensor,
+    "lidar": lidar,
     "measure": measure,
     "ci": ci,
     "doctor": doctor,

@@ -9,6 +9,7 @@ precision and column-vector.
 
 from .camera.camera import nearest_of
 from .camera.framed_objects import framed_bounds
+from .camera.lidar import LidarPrim, lidar_poses, lidar_prim, lidar_prims, lidar_units
 from .camera.session_camera import camera_layer, has_camera, is_session_camera, place_camera
 from .inspect.authored_meters import AuthoredMeter, authored_meters
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
@@ -37,6 +38,7 @@ __all__ = [
     "Edit",
     "LabelledPrim",
     "LabelledPrims",
+    "LidarPrim",
     "ProductSettings",
     "RenderVariable",
     "VariedStage",
@@ -56,6 +58,10 @@ __all__ = [
     "has_camera",
     "is_session_camera",
     "layer_files",
+    "lidar_poses",
+    "lidar_prim",
+    "lidar_prims",
+    "lidar_units",
     "limit_threads",
     "made_alone",
     "named_product",

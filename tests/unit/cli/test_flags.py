@@ -10,7 +10,7 @@ from typer.main import get_command
 from primray.cli.app import LazyCommand, app, loaded
 from primray.cli.flags import flags_of
 
-COMMANDS = ("render", "estimate", "inspect", "doctor", "submit", "sheet", "thumbnail", "merge", "view")
+COMMANDS = ("render", "estimate", "inspect", "doctor", "submit", "sheet", "thumbnail", "merge", "view", "lidar")
 OPEN_A_STAGE = {"render", "estimate", "inspect", "doctor", "submit"}
 RENDER = {"render", "estimate", "submit"}
 LACKING = {
@@ -24,8 +24,13 @@ LACKING = {
     ("render", "--pilot"): "makes the picture",
     ("submit", "--pilot"): "makes the picture",
 }
-# Several targets; one page, and several cameras and variants of one scene.
-ITS_OWN = {("estimate", "--target-error"), *(("sheet", name) for name in ("--output", "--camera", "--variant"))}
+# Several targets; one page, and several cameras and variants of one scene; files of points.
+ITS_OWN = {
+    ("estimate", "--target-error"),
+    *(("sheet", name) for name in ("--output", "--camera", "--variant")),
+    ("lidar", "--output"),
+    ("lidar", "--report"),
+}
 
 
 def options(command: str) -> dict[str, Any]:

@@ -24,8 +24,8 @@ PHYSICAL = PHOTOMETRIC | {ILLUMINANT}
 # Primray's schemas, and those of other programs that adapters/cameras/ reads.
 _READ_OF_OTHERS = """OmniLensDistortionFthetaAPI OmniLensDistortionKannalaBrandtK3API OmniLensDistortionLutAPI
     OmniLensDistortionOpenCvFisheyeAPI OmniLensDistortionOpenCvPinholeAPI OmniLensDistortionRadTanThinPrismAPI
-    OmniRtxRollingShutterAPI PrimrayFogAPI PrimrayLensAPI PrimrayLightMeterAPI PrimrayRenderProductAPI
-    PrimrayRenderSettingsAPI PrimrayRenderVarAPI PrimrayVolumeAPI"""
+    OmniRtxRollingShutterAPI PrimrayFogAPI PrimrayLensAPI PrimrayLidarAPI PrimrayLightMeterAPI
+    PrimrayRenderProductAPI PrimrayRenderSettingsAPI PrimrayRenderVarAPI PrimrayVolumeAPI"""
 # Physics, user interfaces, statements about the asset; LightListAPI only speeds up finding lights. The parts of a particle
 # field are irrelevant because the field itself is not rendered.
 _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI HydraPrimAPI HydraRenderPassAPI LightListAPI
@@ -54,6 +54,7 @@ _SIMULATED = "They configure simulations; prims are drawn as authored."
 _RENDERER = "They are settings of another renderer."
 _LABELS = "They are labels."
 _HOUDINI = "They are for Houdini's viewport and editors."
+_SENSORS = "They are of sensors; `primray lidar` reads those of lidars."
 # Prefixes of schemas that do not affect the picture, with their purpose.
 _OTHERS_WITHOUT_EFFECT = {
     "Physics": _SIMULATED,
@@ -64,6 +65,7 @@ _OTHERS_WITHOUT_EFFECT = {
     "Isaac": _SIMULATED,
     "Preliminary_Physics": _SIMULATED,
     "Semantics": _LABELS,
+    "OmniSensor": _SENSORS,
     "Houdini": _HOUDINI,
     "Arnold": _RENDERER,
     "Cycles": _RENDERER,
