@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from .incremental.scene import Scene, render_frames
     from .labels.things import Thing
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
+    from .light_meter.glare import GlareRating, rate_glare
     from .light_meter.measuring import Measurement, measure
     from .light_meter.meters import LightMeter, MeterGrid, MeterKind
     from .light_mix.mix import LightMix, relight
@@ -80,6 +81,7 @@ __all__ = [
     "Eye",
     "Filter",
     "FirstHits",
+    "GlareRating",
     "Ground",
     "Image",
     "LidarDetector",
@@ -125,6 +127,7 @@ __all__ = [
     "measure",
     "pin",
     "profile",
+    "rate_glare",
     "read_image",
     "relight",
     "render",
@@ -146,6 +149,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
         "FirstHits": "render.first_hits",
+        "GlareRating": "light_meter.glare",
         "Image": "images.image",
         "LidarDetector": "sensor.lidar",
         "LidarPattern": "sensor.lidar_pattern",
@@ -179,6 +183,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "measure": "light_meter.measuring",
         "pin": "pinned.pinning",
         "profile": "report.profile",
+        "rate_glare": "light_meter.glare",
         "read_image": "images.reading",
         "relight": "light_mix.mix",
         "render_frames": "incremental.scene",

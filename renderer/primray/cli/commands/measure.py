@@ -66,6 +66,12 @@ def measure(
         bool,
         typer.Option("--daylight-factor", help="Measure daylight factors under the CIE's overcast sky; other lights are off."),
     ] = False,
+    glare: Annotated[
+        bool,
+        typer.Option(
+            "--glare", help="Rate the glare (DGP, UGR) that an eye at each point of --at gets that looks where --facing says."
+        ),
+    ] = False,
     maintenance_factor: Annotated[
         float, typer.Option("--maintenance-factor", metavar="SHARE", help="Light that is left after ageing.")
     ] = 1.0,
@@ -122,6 +128,9 @@ def measure(
         "purposes": purposes,
     }
     settings = RenderSettings(**setting_values(flags), time_code=frame)
+    if glare:
+        _rate_glare(scene, given, settings, target, outputs or [], json=json)
+        return
     found = measured(
         scene,
         given,
@@ -167,6 +176,52 @@ def _given(
         corner, across, along = (_vector(part, "--grid") for part in parts)
         found.append(MeterGrid(name or f"grid{number}", corner, across, along, direction=direction, kind=kind))
     return found
+
+
+def _rate_glare(
+    scene: str,
+    given: list[LightMeter | MeterGrid] | None,
+    settings: RenderSettings,
+    target: float,
+    outputs: list[str],
+    *,
+    json: bool,
+) -> None:
+    from ...images.image import write_text
+    from ...light_meter.glare import rate_glare
+    from ...light_meter.meters import LightMeter
+    from ..console import dumps, print_line
+
+    eyes = [one for one in given or () if isinstance(one, LightMeter) and one.direction is not None]
+    if not eyes or len(eyes) < len(given or ()):
+        raise SettingsError("--glare needs points of --at, and --facing for where the eye looks", where="--glare", code=CODE)
+    for path in outputs:
+        if Path(path).suffix.lower() != ".json":
+            raise SettingsError(f"ratings of glare are written as .json, not {path}", where=path, code=CODE)
+    rows = []
+    for eye in eyes:
+        assert eye.direction is not None
+        found = rate_glare(scene, eye.position, eye.direction, settings, target=target)
+        rows.append({"name": eye.name, **found.as_json()})
+        if json:
+            continue
+        value, low, high = found.dgp
+        doubt = "" if found.is_valid else "; outside of 0.2 to 0.8 at more than 380 lx, where DGP was fitted"
+        print(f"{eye.name}: DGP {value:.3f} ({low:.3f} to {high:.3f}), {found.comfort}{doubt}")
+        if found.ugr is not None:
+            value, low, high = found.ugr
+            print(f"{eye.name}: UGR {value:.1f} ({low:.1f} to {high:.1f})")
+        lit = found.vertical_illuminance
+        print(
+            f"{eye.name}: {lit.value:.4g} lx at the eye, background {found.background:.4g} cd/m2, {len(found.sources)} sources"
+        )
+        for source in found.sources[:5]:
+            print(f"  {source.luminance:.4g} cd/m2, {source.solid_angle:.3g} sr, position index {source.position_index:.2f}")
+    for path in outputs:
+        write_text(Path(path), str(dumps({"stage": scene, "ratings": rows}, indent=2)) + "\n")
+    if json:
+        for row in rows:
+            print_line({"stage": scene, **row})
 
 
 def _vector(text: str, flag: str) -> Vector:
