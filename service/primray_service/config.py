@@ -43,6 +43,8 @@ class ServeConfig:
     ray_address: str = "auto"
     ray_cores: int | None = None
     ray_labels: tuple[str, ...] = ()
+    # Tiles of each part that this machine renders again before it believes a node; None: nodes are trusted.
+    ray_check_tiles: int | None = None
     require_keys: bool | None = None  # None: unless it listens on loopback
     allow_unsandboxed: bool = False
     allowed_hosts: tuple[str, ...] = ()  # names that the server answers for, beside its own address

@@ -27,6 +27,8 @@ from .changes import LOOK_EVERY_S, Changes, SharedReads
 from .config import ServeConfig
 from .dispatcher import Dispatcher
 from .executor.base import executor_maker
+from .executor.local import LocalExecutor
+from .executor.spot_checks import CheckedExecutor
 from .files import DataDirectory
 from .http.answers import json_bytes
 from .limits import Limits
@@ -124,6 +126,9 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     # The order matters: those who are woken by a change read it.
     unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
     executor = executor_maker(config.executor)(config, data)
+    if config.ray_check_tiles is not None:
+        inside = LocalExecutor(data, config.limits, cores=config.usable_cores, warm=config.warm)
+        executor = CheckedExecutor(executor, inside, data, tiles=config.ray_check_tiles)
     service = Service(config=config, store=store, data=data, executor=executor, dispatcher=None, changes=changes, reads=reads)  # type: ignore[arg-type]
     service.dispatcher = Dispatcher(store, executor, data, config.limits, service.tenant_quotas.of)
     store.listen(service.dispatcher.on_notice)

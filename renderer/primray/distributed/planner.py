@@ -9,6 +9,8 @@ scene: parts are not so short that this dominates, and not so long that losing o
 
 from __future__ import annotations
 
+import hashlib
+import hmac
 import math
 from dataclasses import dataclass
 
@@ -17,6 +19,11 @@ from ..settings import SAMPLE_BLOCK
 
 Range = tuple[int, int]
 MOST_AHEAD = 2  # finished parts beyond the goal to hold, for each slot: each takes the memory of a film
+
+
+def seed_of(secret: bytes, sha256: str, part: Range) -> int:
+    """Return the seed of the tiles that a check draws: unknown without the secret, another one for another file."""
+    return int.from_bytes(hmac.digest(secret, f"{sha256} {part[0]}:{part[1]}".encode(), hashlib.sha256), "big")
 
 
 class AssignedRanges:

@@ -10,8 +10,6 @@ has what a cheat costs and saves.
 
 from __future__ import annotations
 
-import hashlib
-import hmac
 import secrets
 import shutil
 from collections import Counter
@@ -38,7 +36,7 @@ from ..render.prepare import open_once, prepare
 from ..report.report import Costs
 from ..settings import BIAS, SAMPLE_BLOCK, RenderSettings
 from .executor import PartLost, PartsWithdrawn
-from .planner import Range
+from .planner import Range, seed_of
 
 if TYPE_CHECKING:
     from ..checkpoints.aov_data import AovData
@@ -83,6 +81,10 @@ def chance_to_pass(tiles: int, wrong: int, checked: int) -> float:
     for k in range(min(checked, tiles)):
         found *= max(tiles - wrong - k, 0) / (tiles - k)
     return found
+
+
+def drawn_by(secret: bytes, sha256: str, part: Range) -> np.random.Generator:
+    return np.random.default_rng(seed_of(secret, sha256, part))
 
 
 class SpotChecked:
@@ -169,9 +171,8 @@ class SpotChecked:
             raise PartLost(f"the part of {worker} cannot be read: {error}") from None
         scene = self._scene_for(settings)
         self.checked += 1
-        said = f"{hash_of_file(file)} {settings.sample_range}".encode()
-        seed = int.from_bytes(hmac.digest(self._secret, said, hashlib.sha256), "big")
-        why = scene.fault_of(part, settings.sample_range, np.random.default_rng(seed), self._tiles)
+        random = drawn_by(self._secret, hash_of_file(file), settings.sample_range)
+        why = scene.fault_of(part, settings.sample_range, random, self._tiles)
         if why is None:
             scene.write(part, settings.sample_range, file)
             self._accepted[worker] += 1
@@ -199,14 +200,18 @@ def _submit(checking: ThreadPoolExecutor, work: Callable[..., None], *args: Any)
 
 
 class TrustedScene:
-    """The scene of a frame on this machine, on which tiles of parts are rendered again."""
+    """The scene of a frame on this machine, on which tiles of parts are rendered again.
 
-    def __init__(self, stage: str, settings: RenderSettings) -> None:
+    `outputs_follow`: outputs beside the picture are made from the merged samples by a machine that is trusted, not from parts.
+    """
+
+    def __init__(self, stage: str, settings: RenderSettings, *, outputs_follow: bool = False) -> None:
+        self._outputs_follow = outputs_follow
         self._diagnostics = Diagnostics()
         opened = open_once(stage, settings)
         self._prepared = prepare(opened.stage, opened.diagnostics, settings, Costs(), self._diagnostics, fingerprinted=True)
         beside = [request.name for request in self._prepared.aovs if light_path_of(request.source) is None]
-        if beside or self._prepared.settings.denoises:
+        if not outputs_follow and (beside or self._prepared.settings.denoises):
             names = ", ".join([*beside, *(["the denoised picture"] if self._prepared.settings.denoises else [])])
             sentence = f"{names} would come unchecked from machines that are not trusted: render the picture alone"
             raise SettingsError(sentence, where="aovs", code="parts-setting")
@@ -267,7 +272,8 @@ class TrustedScene:
         sampling.film = core.Film(prepared.scene, part.film)
         sampling.done, sampling.seconds = span[1], part.seconds
         sampling.busy_lanes, sampling.shaded_lanes = part.lanes
-        write_checkpoint(file, *contents(sampling, replace(about, beside=aov_data_of(prepared, sampling))))
+        beside = None if self._outputs_follow else aov_data_of(prepared, sampling)
+        write_checkpoint(file, *contents(sampling, replace(about, beside=beside)))
 
 
 def _is_bare(beside: AovData | None) -> bool:

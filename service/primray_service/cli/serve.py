@@ -76,6 +76,15 @@ def serve(
     ] = None,
     ray_cores: RayCores = None,
     ray_label: RayLabel = None,
+    ray_check_tiles: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Tiles of each part that this machine renders again, as it does not trust the nodes; all but parts runs here.",
+            show_default="nodes are trusted",
+            min=1,
+        ),
+    ] = None,
     shared_root: Annotated[
         list[str] | None,
         typer.Option(
@@ -134,7 +143,15 @@ def serve(
 
     check_networks(webhook_network or [])
     where = executor or os.environ.get("PRIMRAY_EXECUTOR") or DEFAULT_EXECUTOR
-    ray = check_ray(where, {"--ray-address": ray_address, "--ray-cores": ray_cores, "--ray-label": ray_label})
+    ray = check_ray(
+        where,
+        {
+            "--ray-address": ray_address,
+            "--ray-cores": ray_cores,
+            "--ray-label": ray_label,
+            "--ray-check-tiles": ray_check_tiles,
+        },
+    )
     folder, objects = places(data, cache)
     chosen_limits, quotas = limit_options.limits_of(limit or [])
     config = ServeConfig(
@@ -152,6 +169,7 @@ def serve(
         ray_address=ray_address or (os.environ.get("PRIMRAY_RAY_ADDRESS") if ray else None) or "auto",
         ray_cores=ray_cores,
         ray_labels=tuple(ray_label or ()),
+        ray_check_tiles=ray_check_tiles,
         require_keys=True if require_keys else None,
         allow_unsandboxed=allow_unsandboxed,
         allowed_hosts=tuple(allow_host or ()),

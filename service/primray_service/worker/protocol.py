@@ -22,6 +22,9 @@ Commands
      "limits": {..}}
         merges disjoint parts (then: checkpoint, preview, row, done with no outputs and a report {"samples", "parts":
         {"ranges": [[0, 64]], "rays", "error", "target_met"}})
+    {"do": "spot-check", "file", "settings", "part": "part.prc", "number": 0, "tiles": 32, "seed": "2a..", "limits": {..}}
+        renders random tiles of another machine's part again (then: if they have the same bits, checkpoint with what is known of
+        the scene here; done with no outputs and a report {"parts": {"fault": null | "pixels .."}})
     {"do": "stop"}     end soon with a checkpoint and the picture so far           (then: checkpoint, done; done with no outputs
                        and a report {"interrupted": true, "samples": 0} if there is no picture yet)
     {"do": "yield"}    end soon with a checkpoint                                  (then: checkpoint, yielded)
@@ -58,7 +61,7 @@ from typing import Any
 MAX_LINE_BYTES = 4 * 2**20
 
 PHASES = ("opening", "translating", "building", "sampling", "writing")
-WORK = ("check", "render", "merge")
+WORK = ("check", "render", "merge", "spot-check")
 LAST = ("facts", "done", "yielded", "failed")
 
 Check = Callable[[Any], bool]

@@ -111,17 +111,20 @@ def check(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) ->
 
 
 def renders() -> Do:
-    """Return the function that renders frames of one job, keeping the stage open in between; also their parts, and merges of
-    these."""
+    """Return the function that renders frames of one job, keeping the stage open in between; also their parts, spot checks of
+    these, and merges."""
     from .merge_task import merge_parts
     from .product_task import render_products
     from .render_task import StageOfFrames, render_frame
+    from .spot_check_task import PartChecks
 
-    stages = StageOfFrames()
+    stages, checks = StageOfFrames(), PartChecks()
 
     def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
         if command["do"] == "merge":
             merge_parts(command, job, out, channel)
+        elif command["do"] == "spot-check":
+            checks.check(command, job, out, channel)
         elif command.get("products"):
             render_products(stages, command, job, out, channel)
         else:

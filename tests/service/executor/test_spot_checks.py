@@ -1,0 +1,169 @@
+"""A service whose parts come from machines that it does not trust: what a cheating worker sends is not in the picture."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.service.dispatcher.rig import Rig, dispatching
+
+from primray import RenderSettings, render
+from primray.checkpoints.checkpoint_file import read_checkpoint, write_checkpoint
+from primray.distributed.local_processes import render_part
+from primray.images.image import pixels_sha256
+from primray.settings import settings_of_json
+from primray_service.executor.base import Capacity, Chunk, Handle, OnMessage
+from primray_service.executor.local import LocalExecutor
+from primray_service.executor.spot_checks import CheckedExecutor
+from primray_service.files import DataDirectory
+from primray_service.jobs import Job, JobState, Json
+from primray_service.limits import Limits
+
+SCENE = Path(__file__).parents[3] / "scenes/features/glass/scene.usda"
+SIZE = (64, 48)  # 12 tiles
+SAMPLES = 48
+ASKED = {"resolution": list(SIZE), "seed": 5, "stop": {"max_samples": SAMPLES}}
+
+Cheat = Callable[[Path, RenderSettings], None]  # changes a part's file
+
+
+def changed(file: Path, films: dict[str, Any]) -> None:
+    header, arrays = read_checkpoint(file)
+    file.unlink()
+    write_checkpoint(file, {name: value for name, value in header.items() if name != "arrays"}, {**arrays, **films})
+
+
+def other_film(file: Path, settings: RenderSettings) -> None:
+    """Put the film of other settings under a part's header, with all that counts its samples put right."""
+    beside = file.with_name("other.prc")
+    render_part(str(SCENE), settings, beside)
+    films = read_checkpoint(beside)[1]
+    changed(file, {name: films[name] for name in films if name != "film.next"})
+    beside.unlink()
+
+
+def wrong_bits(file: Path, settings: RenderSettings) -> None:
+    parts = np.array(read_checkpoint(file)[1]["film.parts"])
+    parts[0, 20, 30, 1, 0] += 1 << 40
+    changed(file, {"film.parts": parts})
+
+
+def right_looking_noise(file: Path, settings: RenderSettings) -> None:
+    other_film(file, replace(settings, seed=99))
+
+
+def replayed(file: Path, settings: RenderSettings) -> None:
+    first, end = settings.sample_range or (0, 0)
+    other_film(file, replace(settings, sample_range=(first + 1024, end + 1024)))
+
+
+class Cheating:
+    """A LocalExecutor that changes its first part before it says that it is there."""
+
+    def __init__(self, inner: LocalExecutor, cheat: Cheat) -> None:
+        self.inner, self.cheat = inner, cheat
+        self.kinds: list[str] = []
+        self.cheated = 0
+
+    def capacity(self) -> Capacity:
+        return self.inner.capacity()
+
+    async def start(self) -> None:
+        await self.inner.start()
+
+    def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:
+        self.kinds.append("part" if chunk.command.get("part") else chunk.command["do"])
+        handles: list[Handle] = []
+
+        def hear(message: Any) -> None:
+            if message["at"] == "checkpoint" and not self.cheated:
+                self.cheated += 1
+                settings = settings_of_json(chunk.command["settings"])
+                self.cheat(handles[0].folder / message["file"], replace(settings, threads=1, max_memory_bytes=None))
+            on_message(message)
+
+        handles.append(self.inner.submit(chunk, hear))
+        return handles[0]
+
+    def health(self) -> Json:
+        return self.inner.health()
+
+    async def close(self) -> None:
+        await self.inner.close()
+
+
+def served(root: Path, cheat: Cheat, tiles: int, act: Callable[[Rig, CheckedExecutor, Cheating], Awaitable[None]]) -> None:
+    made: list[tuple[CheckedExecutor, Cheating]] = []
+
+    def make(data: DataDirectory, limits: Limits) -> CheckedExecutor:
+        outside = Cheating(LocalExecutor(data, limits, slots=2, cores=2), cheat)
+        inside = LocalExecutor(data, limits, slots=1, cores=1)
+        made.append((CheckedExecutor(outside, inside, data, tiles=tiles), outside))
+        return made[0][0]
+
+    async def run() -> None:
+        async with dispatching(root, make) as rig:
+            await act(rig, *made[0])
+
+    asyncio.run(run())
+
+
+def pixels(job: Job) -> str:
+    assert job.state is JobState.SUCCEEDED, job.error
+    assert job.result is not None
+    return str(job.result["pixels_sha256"][0]["sha256"])
+
+
+@pytest.fixture(scope="module")
+def plain() -> str:
+    return pixels_sha256(render(str(SCENE), RenderSettings(resolution=SIZE, seed=5, adaptive=False, spp=SAMPLES)).pixels)
+
+
+def honest(file: Path, settings: RenderSettings) -> None:
+    pass
+
+
+@pytest.mark.parametrize("cheat", [honest, wrong_bits, right_looking_noise, replayed])
+def test_a_cheating_worker_is_found_and_the_picture_is_that_of_one_render(tmp_path: Path, cheat: Cheat, plain: str) -> None:
+    """All tiles are rendered again: one of this scene that is empty has the same bits whatever was sampled."""
+
+    async def act(rig: Rig, checked: CheckedExecutor, outside: Cheating) -> None:
+        job = rig.submit(rig.scene(SCENE.read_bytes()), settings=ASKED, parallel="auto")
+        [ended] = await rig.ended(job.id, timeout_s=240)
+        assert pixels(ended) == plain
+        assert outside.cheated == 1
+        assert checked.refused == (0 if cheat is honest else 1)
+        assert set(outside.kinds) == {"part"}  # merges and the picture are made here
+        assert checked.health()["spot_checks"] == {"tiles": checked.tiles, "refused": checked.refused}
+        log = (rig.data.frame(job.id, 0) / "log.txt").read_text()
+        assert ("the part is refused: pixels" in log) == (cheat is not honest)
+
+    served(tmp_path, cheat, 12, act)
+
+
+def test_frames_that_are_not_in_parts_are_rendered_here(tmp_path: Path, plain: str) -> None:
+    async def act(rig: Rig, checked: CheckedExecutor, outside: Cheating) -> None:
+        scene = rig.scene(SCENE.read_bytes())
+        jobs = [rig.submit(scene, settings={**ASKED, "adaptive": False}) for _ in range(2)]
+        assert {pixels(job) for job in await rig.ended(*(job.id for job in jobs), timeout_s=240)} == {plain}
+        assert outside.kinds == []
+
+    served(tmp_path, wrong_bits, 1, act)
+
+
+def test_a_job_is_canceled_while_its_parts_run(tmp_path: Path) -> None:
+    async def act(rig: Rig, checked: CheckedExecutor, outside: Cheating) -> None:
+        job = rig.submit(rig.scene(SCENE.read_bytes()), settings={**ASKED, "stop": {"max_samples": 2**20}}, parallel="auto")
+        await rig.until(lambda: "part" in outside.kinds, 60)
+        rig.store.request_cancel(job.id, time.time())
+        rig.dispatcher.wake()
+        [ended] = await rig.ended(job.id, timeout_s=120)
+        assert ended.state is JobState.CANCELED
+
+    served(tmp_path, honest, 1, act)
