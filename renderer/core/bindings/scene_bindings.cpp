@@ -137,6 +137,8 @@ void bind_scene(nb::module_& m) {
       .def("__init__",
            [](SceneBuilder* b, Numbers<double> origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
       .def("__init__", [](SceneBuilder* b, std::unique_ptr<Scene> scene) { new (b) SceneBuilder(std::move(scene)); })
+      .def("keeps_means", &SceneBuilder::keeps_means)
+      .def("drop_surfaces_and_lights", &SceneBuilder::drop_surfaces_and_lights)
       .def("release_coarse_textures", &SceneBuilder::release_coarse_textures)
       .def("take_texture_images",
            [](SceneBuilder& b, int texture, KeptTextures& earlier, int number) {

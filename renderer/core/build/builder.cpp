@@ -84,17 +84,32 @@ void SceneBuilder::set_flaws(const CameraInput& c) {
 
 // Part of SceneBuilder that reopens finished scenes. Embree, and user geometry, point to the Scene and into its arrays: these
 // stay in place.
-SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene) : scene_(std::move(scene)), is_reopened_(true), keeps_accel_(true) {
+SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene)
+    : scene_(std::move(scene)), is_reopened_(true), keeps_accel_(true), keeps_surfaces_(true) {
   Scene& s = *scene_;
-  if (s.moves() || s.geometry_lights.any())
-    throw Error("internal", "a scene with motion or geometry lights cannot be reopened");
+  if (s.moves()) throw Error("internal", "a scene with motion cannot be reopened");
   group_origin_ = s.origin, group_scale_ = s.scale;
+  pattern_levels_ = pattern_levels(s);
+  s.camera = {}, s.distortion.reset(), s.outlines = {};
+}
+
+bool SceneBuilder::keeps_means() {
+  if (pattern_levels_.empty()) return true;
+  measure_levels();
+  return pattern_levels(*scene_) == pattern_levels_;
+}
+
+void SceneBuilder::drop_surfaces_and_lights() {
+  Scene& s = *scene_;
+  if (s.geometry_lights.any()) throw Error("internal", "lights that are shapes cannot be given again");
+  keeps_surfaces_ = levels_measured_ = false;
   s.positions.resize(s.positions.size() - 4), s.indices.pop_back();  // what finish() added; their memory stays
   s.surfaces = {}, s.surface_inputs_of.clear(), s.surface_inputs.clear(), s.tapes.clear();
   keep_domes(std::move(s.lights.domes));
   LinkTable links = std::move(s.lights.links);
   s.lights = {}, s.lights.links = std::move(links);
-  s.emitters = {}, s.outlines = {}, s.interiors = {}, s.volumes.reset();
+  s.emitters = {}, s.interiors = {}, s.camera_visibility = {};
+  if (s.volumes) std::fill(s.volumes->light_of.begin(), s.volumes->light_of.end(), -1);
   s.camera = {}, s.distortion.reset();
   s.has_emission = s.has_thin = s.shadows_need_hits = s.has_smooth_glass = false;
 }
@@ -408,7 +423,15 @@ std::vector<int64_t> SceneBuilder::add_volume_emission(const VolumeEmissionInput
   return volumes().add_emission(emission, core_from_world(), scene_->scale);
 }
 
+std::unique_ptr<Scene> SceneBuilder::finish_view() {
+  share_tile_memory();
+  find_camera_media(*scene_);
+  scene_->outlines = find_light_outlines(*scene_);
+  return std::move(scene_);
+}
+
 std::unique_ptr<Scene> SceneBuilder::finish() {
+  if (keeps_surfaces_) return finish_view();
   Scene& s = *scene_;
   end_group();
   if (s.motion.any_points) s.meshes.normal_stride.resize(s.meshes.surface.size(), 0);
@@ -444,7 +467,8 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     const TimeSpan span("build emitters");
     build_emitters(s);
   }
-  if (s.volumes) s.volumes->finish(), add_volume_lights(s);
+  if (s.volumes && !is_reopened_) s.volumes->finish();
+  if (s.volumes) add_volume_lights(s);
   finish_light_rows(s.lights);
   find_pivots(s);
   const bool glows = s.has_emission || (s.volumes && s.volumes->in_emissions.any());

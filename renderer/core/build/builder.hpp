@@ -46,9 +46,14 @@ class SceneBuilder {
   // world point -> (world - origin) * scale; scale is a power of two, so that it causes no rounding.
   SceneBuilder(dvec3 origin, double scale);
   SceneBuilder(const SceneBuilder&) = delete;
-  // Reopens a finished scene (build/builder.cpp): its shapes, placements and textures are kept, everything else must be
-  // given again, with the same numbers of surfaces and textures. It must have neither motion nor shapes that are lights.
+  // Reopens a finished scene without motion (build/builder.cpp): its camera must be given again, everything else is kept.
   explicit SceneBuilder(std::unique_ptr<Scene> scene);
+  // For a reopened scene, after its camera: whether all that is kept is what a new scene would have. Means of patterns depend
+  // on the levels of the images that they read, and these on the camera.
+  bool keeps_means();
+  // For a reopened scene: keeps shapes, placements, volumes and textures alone. Everything else must be given again, with the
+  // same numbers of surfaces and textures. It must not have shapes that are lights.
+  void drop_surfaces_and_lights();
 
   // Keeps the domes of a scene that is not rendered any more, for lights that say `earlier_dome`. Each may be taken once, and
   // none that had portals. A reopened scene keeps its own.
@@ -182,6 +187,7 @@ class SceneBuilder {
   void share_tile_memory();
   // Measures footprints on textures, once.
   void measure_levels();
+  std::unique_ptr<Scene> finish_view();
   void set_camera_path(const CameraInput& camera);
   void set_distortion(const DistortionInput& distortion);
   void set_flaws(const CameraInput& camera);
@@ -204,7 +210,8 @@ class SceneBuilder {
   bool last_mirrored_ = false, last_curved_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
   // Reopened scene.
-  bool is_reopened_ = false, keeps_accel_ = false;
+  bool is_reopened_ = false, keeps_accel_ = false, keeps_surfaces_ = false;
+  std::vector<int> pattern_levels_;  // that the earlier camera asked for of images that patterns read
   int next_texture_ = 0;
   std::vector<Dome> earlier_domes_;
   int32_t link_row_ = 0;

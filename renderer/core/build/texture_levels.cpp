@@ -176,6 +176,21 @@ int finest_level(const Texture& texture, int width, int height) {
   return int(std::clamp(std::floor(level), 0.0, double(last_level_of(width, height))));
 }
 
+std::vector<int> pattern_levels(const Scene& scene) {
+  std::vector<char> is_read(scene.textures.size(), 0);
+  for (const Tape& tape : scene.tapes)
+    for (const PatternImage& image : tape.images)
+      for (const int32_t texture : {image.color, image.alpha})
+        if (texture >= 0) is_read[size_t(texture)] = 1;
+  std::vector<int> levels;
+  for (size_t i = 0; i < is_read.size(); ++i) {
+    if (!is_read[i]) continue;
+    const Texture& texture = scene.textures[i];
+    for (const TextureImage& image : texture.images) levels.push_back(finest_level(texture, image.width, image.height));
+  }
+  return levels;
+}
+
 bool has_needed_levels(const Texture& texture, const Texture& made) {
   return std::ranges::all_of(made.images, [&](const TextureImage& image) {
     return image.first_level <= finest_level(texture, image.width, image.height);

@@ -22,13 +22,17 @@ from ..core.single_precision import OUTLYING, rebasing_origin
 from ..core.surface_upload import KeptImages, ReadFiles, SurfaceUpload, is_cutout, is_fibre, is_hole
 from ..description import Mesh, Placed, SceneDescription, Surface, TextureFile
 from ..description.placement import transformed_boxes
+from ..description.shading import pattern_files
 from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
 from ..textures.texture import Texture
+from .steps import same
 
 # Fields of a description that may change while the tables of shapes stay.
 UPDATABLE = frozenset(
     {"lights", "surfaces", "camera", "anchor", "static", "resolution", "pixels", "pixel_aspect_ratio", "time_code"}
 )
+# Those that only the camera in the core depends on.
+OF_VIEW = frozenset({"camera", "anchor", "resolution", "pixels", "pixel_aspect_ratio"})
 NO_SURFACES = np.zeros(0, np.int32)
 LightImages = Mapping[TextureFile, list[tuple[int, Texture]]]
 
@@ -49,13 +53,17 @@ def updated_core_scene(
     scene of before is consumed, unless None is returned on account of the descriptions alone.
     """
     uploaded = scene.uploaded
-    if uploaded is None or not _may_stay(uploaded, before, now, changed):
+    if uploaded is None:
+        return None
+    if "lights" in changed and same(before.lights, now.lights):  # read again on account of something else
+        changed -= {"lights"}
+    if not _may_stay(uploaded, before, now, changed):
         return None
     placed = _updated_placements(uploaded, before, now)
     if placed is None:
         return None
     try:
-        return _built(scene, *placed, now, images, read, settings)
+        return _built(scene, *placed, now, images, read, settings, changed)
     except compiled.CoreError as error:
         raise_primray_error(error)
 
@@ -73,11 +81,17 @@ def kept_images(scene: CoreScene, fresh: Collection[TextureFile], read: ReadFile
 
 
 def _may_stay(uploaded: UploadRecord, before: SceneDescription, now: SceneDescription, changed: frozenset[str]) -> bool:
-    if not (changed <= UPDATABLE and uploaded.is_editable and now.exposure is None and now.camera_motion is None):
+    if not (changed <= UPDATABLE and now.exposure is None and now.camera_motion is None):
+        return False
+    if not uploaded.is_editable and (not changed <= OF_VIEW or any(map(_reads_files_by_pattern, now.surfaces))):
         return False
     if not np.array_equal(uploaded.origin, rebasing_origin(now.anchor or now.camera)):
         return False
     return len(before.surfaces) == len(now.surfaces) and all(map(_are_alike, before.surfaces, now.surfaces))
+
+
+def _reads_files_by_pattern(surface: Surface) -> bool:
+    return surface.pattern is not None and bool(pattern_files(surface.pattern))
 
 
 def _are_alike(one: Surface, other: Surface) -> bool:
@@ -129,6 +143,7 @@ def _built(
     images: LightImages,
     read: ReadFiles,
     settings: RenderSettings,
+    changed: frozenset[str],
 ) -> CoreScene | None:
     d = uploaded.description
     given = scene.take()
@@ -136,19 +151,26 @@ def _built(
     builder = compiled.SceneBuilder(given)
     textures = {**uploaded.textures, **images}
     inputs = SurfaceUpload(builder, textures, d.time_code or 0.0)
-    inputs.add_surfaces(d.surfaces)
-    for row, old, new in moved:
-        shape = now.shapes[new.shape]
-        if not isinstance(shape, Mesh) or not builder.replace_mesh(row, _placed(shape), matrix(old.matrix), matrix(new.matrix)):
-            return None
-    lights = LightUpload(builder, uploaded.domes, d.lights_apart)
-    lights.add(d.lights, textures)
-    if d.fog is not None:
-        builder.set_fog(fog_input(d.fog))
-    uploaded = replace(uploaded, light_groups=lights.groups, domes=tuple(lights.domes))
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.pixel_filter]
-    camera = camera_input(d.camera, d.frame)
-    builder.set_camera(filled(camera, filter_width=width, filter_inverse_cdf=inverse_cdf(settings.pixel_filter, width)))
+    camera = filled(
+        camera_input(d.camera, d.frame), filter_width=width, filter_inverse_cdf=inverse_cdf(settings.pixel_filter, width)
+    )
+    builder.set_camera(camera)
+    if not (changed <= OF_VIEW and builder.keeps_means()):
+        builder.drop_surfaces_and_lights()
+        inputs.add_surfaces(d.surfaces)
+        for row, old, new in moved:
+            mesh = now.shapes[new.shape]
+            if not isinstance(mesh, Mesh) or not builder.replace_mesh(
+                row, _placed(mesh), matrix(old.matrix), matrix(new.matrix)
+            ):
+                return None
+        lights = LightUpload(builder, uploaded.domes, d.lights_apart)
+        lights.add(d.lights, textures)
+        if d.fog is not None:
+            builder.set_fog(fog_input(d.fog))
+        uploaded = replace(uploaded, light_groups=lights.groups, domes=tuple(lights.domes))
+        builder.set_camera(camera)
     coarse = set(builder.release_coarse_textures())
     inputs.add_read_images(
         {key: number for key, number in uploaded.texture_numbers.items() if number in coarse}, read, scene.tiled

@@ -128,14 +128,14 @@ def test_an_image_that_is_written_again_is_handed_over_again(stage: Usd.Stage, h
     assert image.report["pixels_sha256"] == primray.render(stage, SETTINGS).report["pixels_sha256"]
 
 
-def test_portals_are_weighed_again(stage: Usd.Stage, handed_over: list[str]) -> None:
+def test_portals_are_weighed_again_beside_another_light(stage: Usd.Stage, handed_over: list[str]) -> None:
     portal = UsdLux.PortalLight.Define(stage, "/domes/portal")
     portal.AddTranslateOp().Set(Gf.Vec3d(0, 3, 0))
     dome(stage, "c").CreatePortalsRel().AddTarget("/domes/portal")
     scene = primray.Scene(stage)
     scene.render(SETTINGS)
     handed_over.clear()
-    nothing(stage)
+    stage.GetPrimAtPath("/world/g1/SphereLight").GetAttribute("inputs:intensity").Set(3.0)
     image = scene.render(SETTINGS)
     assert handed_over == ["other.png"]
     assert image.report["pixels_sha256"] == primray.render(stage, SETTINGS).report["pixels_sha256"]

@@ -69,6 +69,14 @@ void add_outputs(const Scene& s, const Tape& tape, size_t triangle, size_t k, do
 }  // namespace
 
 void set_pattern_means(Scene& s) {
+  // A scene that was built for a nearer camera has finer levels, which would give other means than those of a new one.
+  std::vector<int> kept;
+  for (Texture& texture : s.textures) {
+    for (TextureImage& image : texture.images) {
+      kept.push_back(image.first_level);
+      image.first_level = std::clamp(finest_level(texture, image.width, image.height), image.first_level, image.last_level);
+    }
+  }
   const std::vector<TexturedTriangles> triangles = textured_triangles(s);
   for (size_t i = 0; i < triangles.size(); ++i) {
     if (triangles[i].tried.empty()) continue;
@@ -80,6 +88,9 @@ void set_pattern_means(Scene& s) {
       for (int c = 0; c < 3 && source.output >= 0; ++c)
         source.fallback[c] = float(sum[source.output][c] / double(triangles[i].tried.size()));
   }
+  auto first = kept.begin();
+  for (Texture& texture : s.textures)
+    for (TextureImage& image : texture.images) image.first_level = *first++;
 }
 
 namespace {

@@ -16,6 +16,9 @@ int finest_level(const Texture& texture, int width, int height);
 // Whether the images of `made` have every level that rays can ask for on `texture`, which reads the same files.
 bool has_needed_levels(const Texture& texture, const Texture& made);
 
+// Returns the finest level that rays can need of each image that patterns read, in the order of the textures.
+std::vector<int> pattern_levels(const Scene& scene);
+
 // Detection of the objects with media that paths must follow, and of those that contain the camera.
 
 // Marks the surfaces that bound media, and shadows_need_hits for boundaries that let light pass straight; before the scene's
@@ -33,7 +36,8 @@ MediaAround media_around(const Scene& scene, const vec3& p);
 
 // Mean values of patterns, estimated on the shapes that use them: the choice among emitters, and photons, rely on these.
 
-// Sets `fallback` of inputs that read a tape, for surfaces that some triangles have; others keep theirs.
+// Sets `fallback` of inputs that read a tape, for surfaces that some triangles have; others keep theirs. Images are read at the
+// finest level that rays can need, also where finer ones are kept.
 void set_pattern_means(Scene& scene);
 
 // Sets has_inputs, has_emission and shadows_need_hits for varying inputs. Called after all images are set.

@@ -191,6 +191,8 @@ void mark_media_boundaries(Scene& scene) {
 
 void find_camera_media(Scene& scene) {
   Interiors& interiors = scene.interiors;
+  std::fill_n(interiors.camera, kMaxNestedMedia, -1);
+  interiors.camera_index2 = 1, interiors.camera_volumes.clear(), interiors.lit = false;
   const bool any_boundary = std::count(interiors.bounds_medium.begin(), interiors.bounds_medium.end(), 1) > 0;
   if (!interiors.followed || !(any_boundary || interiors.has_bounded())) return;
   const Around found = objects_around(scene, scene.camera.world_from_camera.o);
