@@ -47,6 +47,120 @@ def stage_of(r: random.Random, image: str = "") -> Usd.Stage:
     return stage
 
 
+def enrich(stage: Usd.Stage, r: random.Random, image: str) -> None:
+    """Add things that are costly to prepare, of some kinds each time: many lights, shapes that are diced."""
+    for add in r.sample(list(COSTLY.values()), 3):
+        add(stage, r, image)
+    nearest = r.choice([0.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0])
+    for path in ("/eyes/cam", "/eyes/other"):
+        stage.GetPrimAtPath(path).CreateAttribute("primray:nearest", Sdf.ValueTypeNames.Double).Set(nearest)
+
+
+def _many_lights(stage: Usd.Stage, r: random.Random, image: str) -> None:
+    for k in range(12):
+        kind = (UsdLux.SphereLight, UsdLux.RectLight, UsdLux.DiskLight)[k % 3]
+        light = kind.Define(stage, f"/world/g1/many{k}")
+        light.CreateIntensityAttr(r.uniform(5.0, 20.0))
+        light.AddScaleOp().Set(Gf.Vec3f(0.2))
+        _place(light, r)
+
+
+def _emissive_grid(stage: Usd.Stage, r: random.Random, image: str) -> None:
+    """Squares that emit light, by the texture of a material where it has one."""
+    _material(stage, "/mats/grid", r)
+    if r.random() < 0.5:
+        _textured(stage, "/mats/grid", image, "rgb", "emissiveColor")
+    else:
+        stage.GetPrimAtPath("/mats/grid/surface").GetAttribute("inputs:emissiveColor").Set(_color(r) * 3)
+    mesh = UsdGeom.Mesh.Define(stage, "/world/g0/grid")
+    side = 8
+    mesh.CreatePointsAttr([Gf.Vec3f(x / 4 - 1, r.uniform(0, 0.2), z / 4 - 1) for z in range(side) for x in range(side)])
+    corners = [z * side + x for z in range(side - 1) for x in range(side - 1)]
+    mesh.CreateFaceVertexCountsAttr([4] * len(corners))
+    mesh.CreateFaceVertexIndicesAttr([i for c in corners for i in (c, c + side, c + side + 1, c + 1)])
+    mesh.CreateSubdivisionSchemeAttr("none")
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
+    st.Set([Gf.Vec2f(x, z) / 8 for z in range(side) for x in range(side)])
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(UsdShade.Material(stage.GetPrimAtPath("/mats/grid")))
+    _place(mesh, r)
+
+
+def _light_mesh(stage: Usd.Stage, r: random.Random, image: str) -> None:
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/world/g1/m5"))
+    UsdLux.MeshLightAPI.Apply(mesh.GetPrim())
+    UsdLux.LightAPI(mesh).CreateIntensityAttr(2.0)
+
+
+def _cages_in_instances(stage: Usd.Stage, r: random.Random, image: str) -> None:
+    instancer = UsdGeom.PointInstancer.Define(stage, "/world/g0/crowd")
+    _cage(stage, "/world/g0/crowd/kind", r)
+    instancer.CreatePrototypesRel().SetTargets([Sdf.Path("/world/g0/crowd/kind")])
+    instancer.CreateProtoIndicesAttr([0] * 5)
+    instancer.CreatePositionsAttr([Gf.Vec3f(_somewhere(r)) for _ in range(5)])
+    source = stage.CreateClassPrim("/cages")
+    _cage(stage, "/cages/one", r)
+    prim = UsdGeom.Xform.Define(stage, "/world/g1/caged")
+    prim.GetPrim().GetReferences().AddInternalReference(source.GetPath())
+    prim.GetPrim().SetInstanceable(True)
+    _place(prim, r)
+
+
+def _cage(stage: Usd.Stage, path: str, r: random.Random) -> UsdGeom.Mesh:
+    cage = UsdGeom.Mesh.Define(stage, path)
+    cage.CreatePointsAttr(_box(r))
+    cage.CreateFaceVertexCountsAttr(FACES[0])
+    cage.CreateFaceVertexIndicesAttr(FACES[1])
+    st = UsdGeom.PrimvarsAPI(cage).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+    st.Set([Gf.Vec2f(x, y) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))] * 6)
+    return cage
+
+
+def _displaced_cage(stage: Usd.Stage, r: random.Random, image: str) -> None:
+    _material(stage, "/mats/moved", r)
+    _textured(stage, "/mats/moved", image, "r", "displacement")
+    stage.GetPrimAtPath("/mats/moved/texture").CreateAttribute("inputs:scale", Sdf.ValueTypeNames.Float4).Set(
+        Gf.Vec4f(r.uniform(0.02, 0.2))
+    )
+    for k in range(2):
+        cage = _cage(stage, f"/world/g{k}/displaced", r)
+        UsdShade.MaterialBindingAPI.Apply(cage.GetPrim()).Bind(UsdShade.Material(stage.GetPrimAtPath("/mats/moved")))
+        _place(cage, r)
+
+
+def _patch(stage: Usd.Stage, r: random.Random, image: str) -> None:
+    patch = UsdGeom.NurbsPatch.Define(stage, "/world/g1/patch")
+    patch.CreatePointsAttr([Gf.Vec3f(x / 2 - 1, r.uniform(-0.3, 0.3), z / 2 - 1) for z in range(5) for x in range(5)])
+    knots = [0, 0, 0, 0, 1, 2, 2, 2, 2]
+    patch.CreateUVertexCountAttr(5), patch.CreateVVertexCountAttr(5)
+    patch.CreateUOrderAttr(4), patch.CreateVOrderAttr(4)
+    patch.CreateUKnotsAttr(knots), patch.CreateVKnotsAttr(knots)
+    _place(patch, r)
+
+
+def _ribbons(stage: Usd.Stage, r: random.Random, image: str) -> None:
+    ribbons = UsdGeom.BasisCurves.Define(stage, "/world/g0/ribbons")
+    ribbons.CreatePointsAttr([Gf.Vec3f(r.uniform(-1, 1), y, r.uniform(-1, 1)) for _ in range(6) for y in range(4)])
+    ribbons.CreateCurveVertexCountsAttr([4] * 6)
+    ribbons.CreateTypeAttr("cubic")
+    ribbons.CreateBasisAttr("bezier")
+    ribbons.CreateNormalsAttr([Gf.Vec3f(0, 0, 1)] * 12)
+    ribbons.SetNormalsInterpolation("varying")
+    ribbons.CreateWidthsAttr([0.2])
+    ribbons.SetWidthsInterpolation("constant")
+    _place(ribbons, r)
+
+
+COSTLY: dict[str, Callable[[Usd.Stage, random.Random, str], None]] = {
+    "lights": _many_lights,
+    "emissive mesh": _emissive_grid,
+    "mesh light": _light_mesh,
+    "cages in instances": _cages_in_instances,
+    "displaced cages": _displaced_cage,
+    "NURBS": _patch,
+    "ribbons": _ribbons,
+}
+
+
 def _material(stage: Usd.Stage, path: str, r: random.Random) -> None:
     made = UsdShade.Material.Define(stage, path)
     shader = UsdShade.Shader.Define(stage, f"{path}/surface")
@@ -58,8 +172,8 @@ def _material(stage: Usd.Stage, path: str, r: random.Random) -> None:
     made.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
 
 
-def _textured(stage: Usd.Stage, path: str, image: str, channels: str) -> None:
-    """With colours from the image or, from its red, roughness."""
+def _textured(stage: Usd.Stage, path: str, image: str, channels: str, read: str = "") -> None:
+    """With colours from the image or, from its red, roughness; or with the input `read` from it."""
     reader = UsdShade.Shader.Define(stage, f"{path}/st")
     reader.CreateIdAttr("UsdPrimvarReader_float2")
     reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
@@ -68,7 +182,9 @@ def _textured(stage: Usd.Stage, path: str, image: str, channels: str) -> None:
     texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(image)
     texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
     surface = UsdShade.Shader(stage.GetPrimAtPath(f"{path}/surface"))
-    surface.GetInput("diffuseColor" if channels == "rgb" else "roughness").ConnectToSource(texture.ConnectableAPI(), channels)
+    read = read or ("diffuseColor" if channels == "rgb" else "roughness")
+    kind = Sdf.ValueTypeNames.Color3f if channels == "rgb" else Sdf.ValueTypeNames.Float
+    surface.CreateInput(read, kind).ConnectToSource(texture.ConnectableAPI(), channels)
 
 
 def _mesh(stage: Usd.Stage, path: str, r: random.Random, k: int) -> None:
@@ -196,7 +312,9 @@ def animated(stage: Usd.Stage, r: random.Random) -> str:
 
 def points(stage: Usd.Stage, r: random.Random) -> str:
     prim = _any(stage, r, UsdGeom.Mesh)
-    return "no mesh" if prim is None else _set(prim, "points", _box(r))[:60]
+    if prim is None or len(prim.GetAttribute("points").Get()) != 8:
+        return "no mesh"
+    return _set(prim, "points", _box(r))[:60]
 
 
 def size(stage: Usd.Stage, r: random.Random) -> str:
@@ -248,6 +366,34 @@ def units(stage: Usd.Stage, r: random.Random) -> str:
     return "units"
 
 
+def step(stage: Usd.Stage, r: random.Random) -> str:
+    """Move all cameras a little, or further than what is diced for them stays."""
+    by = Gf.Vec3d(*(r.uniform(-1, 1) for _ in range(3))) * r.choice([0.02, 0.02, 0.02, 0.6])
+    for prim in stage.GetPrimAtPath("/eyes").GetChildren():
+        place = prim.GetAttribute("xformOp:translate")
+        place.Set(place.Get() + by)
+    return f"all cameras by {by}"
+
+
+def diced(stage: Usd.Stage, r: random.Random) -> str:
+    """Change what decides the triangles of a shape that is diced."""
+    paths = ("/world/g0/crowd", "/mats/moved/texture", "/world/g1/patch", "/world/g0/ribbons", "/world/g0/crowd/kind")
+    found = [prim for path in paths if (prim := stage.GetPrimAtPath(path))]
+    if not found:
+        return "nothing is diced"
+    prim = r.choice(found)
+    if prim.IsA(UsdGeom.PointInstancer):
+        return _set(prim, "positions", [Gf.Vec3f(_somewhere(r)) for _ in range(5)])
+    if prim.IsA(UsdGeom.Mesh):
+        return _set(prim, "points", _box(r))[:60]
+    if prim.IsA(UsdGeom.BasisCurves):
+        return _set(prim, "widths", [r.uniform(0.05, 0.3)])
+    if prim.IsA(UsdGeom.NurbsPatch):
+        return _set(prim, "points", [p + Gf.Vec3f(0, r.uniform(-0.1, 0.1), 0) for p in prim.GetAttribute("points").Get()])[:60]
+    return _set(prim, "inputs:scale", Gf.Vec4f(r.uniform(0.02, 0.2)))
+
+
+RICH: tuple[tuple[Edit, int], ...] = ((step, 60), (diced, 6))
 EDITS: tuple[tuple[Edit, int], ...] = (
     (light, 4),
     (material, 4),
@@ -266,7 +412,7 @@ EDITS: tuple[tuple[Edit, int], ...] = (
 )
 
 
-def edit(stage: Usd.Stage, r: random.Random) -> str:
+def edit(stage: Usd.Stage, r: random.Random, edits: tuple[tuple[Edit, int], ...] = EDITS) -> str:
     """One edit, or two at once; what it was, for messages."""
-    chosen = r.choices([each for each, _ in EDITS], [weight for _, weight in EDITS], k=r.choice([1, 1, 1, 2]))
+    chosen = r.choices([each for each, _ in edits], [weight for _, weight in edits], k=r.choice([1, 1, 1, 2]))
     return "; ".join(f"{each.__name__}: {each(stage, r)}" for each in chosen)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property
+
 import numpy as np
 
 from ..arrays import Doubles, Floats
@@ -30,55 +33,48 @@ _TANGENTS = "st"
 _CARRIER = "emissive_color"  # an input of three unbounded numbers, whose slot carries the displacement
 
 
-def displacements(description: SceneDescription, textures: Textures) -> Displacements | None:
-    """Return the displacement of all displaced shapes; None if there are none."""
+def displacements(description: SceneDescription, textures: Textures | Callable[[], Textures]) -> Displacements | None:
+    """Return the displacement of all displaced shapes; None if there are none. `textures` may be a function, which is called
+    once they are needed."""
     if not any(isinstance(shape, DisplacedMesh) for shape in description.shapes):
         return None
     return Displacements(description, textures)
 
 
 class Displacements:
-    def __init__(self, description: SceneDescription, textures: Textures) -> None:
-        self.warnings: Warnings = []
+    def __init__(self, description: SceneDescription, textures: Textures | Callable[[], Textures]) -> None:
         self._description = description
-        self._displacer = compiled.Displacer()
-        surfaces = description.surfaces
-        worn = {i for s in description.shapes if isinstance(s, DisplacedMesh) for i in np.unique(s.surface).tolist() if i >= 0}
-        moving = [i for i in sorted(worn) if surfaces[i].displacement is not None]
-        self._upload = SurfaceUpload(
-            self._displacer, {file: list(tiles) for file, tiles in textures.items()}, description.time_code or 0.0
-        )
-        taken = self._upload.add_surfaces([Surface(""), *(_displacement_surface(surfaces[i], textures) for i in moving)])
-        self._upload.add_images()
-        self._numbers = np.zeros(max(len(surfaces), 1) + 1, np.int32)  # the last one: faces that are not drawn
-        directions = [_STILL]
-        for number, i in enumerate(moving, start=1):
-            found = surfaces[i].displacement
-            assert found is not None
-            directions.append(1 + DISPLACEMENTS.index(found[0]))
-            self._numbers[i] = number
-            if not taken[number].inputs:
-                self._note(surfaces[i].path)
-        self._displacer.set_directions(directions)
+        self._textures = textures
         self._places = _single_placements(description)
+        self._notes: Warnings = []
 
-    def _note(self, path: str) -> None:
-        said = next((message for _, at, message in self._upload.warnings if at == path), "")
-        why = said.partition(". ")[0] or "Its displacement cannot be read"
-        self.warnings.append(("displacement", path, f"{why}. The surface is rendered without displacement."))
+    @property
+    def warnings(self) -> Warnings:
+        return [*self._surfaces.warnings, *self._notes]
+
+    @cached_property
+    def _surfaces(self) -> _DisplacingSurfaces:
+        return _DisplacingSurfaces(self._description, self._textures() if callable(self._textures) else self._textures)
+
+    def depends_on(self, number: int, shape: DisplacedMesh) -> tuple[tuple[object, ...], object]:
+        """Return the surfaces that a shape wears, and its place and the time, which patterns may read."""
+        surfaces = self._description.surfaces
+        worn = tuple(surfaces[i] for i in np.unique(shape.surface).tolist() if i >= 0)
+        matrix = self._places.get(number)
+        return worn, (None if matrix is None else matrix.tobytes(), self._description.time_code)
 
     def of(self, number: int, shape: DisplacedMesh) -> dict[str, object]:
         """Return what the core's dice() reads for the displaced shape with index `number` in the description."""
-        matrix = self._places.get(number)
-        numbers = np.atleast_1d(self._numbers[np.asarray(shape.surface)])
+        matrix, moving = self._places.get(number), self._surfaces
+        numbers = np.atleast_1d(moving.numbers[np.asarray(shape.surface)])
         if matrix is None:
             self._note_space(shape)
         placed = primvar_places(shape)
         read = [
-            (p, at, name) for p, at in placed if p is not shape.colors and (name := self._upload.number_of(p.name)) is not None
+            (p, at, name) for p, at in placed if p is not shape.colors and (name := moving.upload.number_of(p.name)) is not None
         ]
         return {
-            "displacer": self._displacer,
+            "displacer": moving.displacer,
             "surfaces": np.ascontiguousarray(numbers, np.int32),
             "world_from_object": np.ascontiguousarray(np.eye(4) if matrix is None else matrix, np.float64),
             "primvars": [_cage_primvar(p, at, name) for p, at, name in read],
@@ -93,7 +89,38 @@ class Displacements:
             pattern = surface.pattern if isinstance(value, PatternInput) else None
             if pattern is not None and isinstance(value, PatternInput) and reads_world_space(pattern, value.source.node):
                 message = f"{surface.path} reads world space, but the shape has several instances: object space is used."
-                self.warnings.append(("displacement-space", shape.path, message))
+                self._notes.append(("displacement-space", shape.path, message))
+
+
+class _DisplacingSurfaces:
+    """The surfaces that displace shapes, in the core. `numbers`: the core's, by the description's index."""
+
+    def __init__(self, description: SceneDescription, textures: Textures) -> None:
+        self.warnings: Warnings = []
+        self.displacer = compiled.Displacer()
+        surfaces = description.surfaces
+        worn = {i for s in description.shapes if isinstance(s, DisplacedMesh) for i in np.unique(s.surface).tolist() if i >= 0}
+        moving = [i for i in sorted(worn) if surfaces[i].displacement is not None]
+        self.upload = SurfaceUpload(
+            self.displacer, {file: list(tiles) for file, tiles in textures.items()}, description.time_code or 0.0
+        )
+        taken = self.upload.add_surfaces([Surface(""), *(_displacement_surface(surfaces[i], textures) for i in moving)])
+        self.upload.add_images()
+        self.numbers = np.zeros(max(len(surfaces), 1) + 1, np.int32)  # the last one: faces that are not drawn
+        directions = [_STILL]
+        for number, i in enumerate(moving, start=1):
+            found = surfaces[i].displacement
+            assert found is not None
+            directions.append(1 + DISPLACEMENTS.index(found[0]))
+            self.numbers[i] = number
+            if not taken[number].inputs:
+                self._note(surfaces[i].path)
+        self.displacer.set_directions(directions)
+
+    def _note(self, path: str) -> None:
+        said = next((message for _, at, message in self.upload.warnings if at == path), "")
+        why = said.partition(". ")[0] or "Its displacement cannot be read"
+        self.warnings.append(("displacement", path, f"{why}. The surface is rendered without displacement."))
 
 
 def _displacement_surface(surface: Surface, textures: Textures) -> Surface:

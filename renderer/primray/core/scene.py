@@ -6,6 +6,7 @@ filter importance sampling.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -19,8 +20,6 @@ from ..description.placement import Box
 from ..errors import LimitError
 from ..settings import DEFAULT_FILTER_WIDTH, Filter, RenderSettings
 from ..tessellation import dice as dicing
-from ..tessellation.dice import dice_patches_of
-from ..tessellation.ribbons import dice_ribbons
 from ..time_spans import span
 from . import compiled
 from .displacement_upload import displacements
@@ -262,20 +261,21 @@ class CoreScene:
 def dice(
     description: SceneDescription,
     settings: RenderSettings,
-    textures: Textures | None = None,
-    known: dict[int, dicing.DicedShape] | None = None,
+    textures: Textures | Callable[[], Textures] | None = None,
+    known: dicing.DicedBefore | None = None,
     on_cage: dicing.OnCage | None = None,
 ) -> tuple[SceneDescription, dicing.Warnings]:
     """Return the description with subdivision cages diced to triangles, and warnings where they are coarser or sharper.
 
-    `textures`: every TextureFile that could be read; those that displace cages are used. `known`: what was diced before.
+    `textures`: every TextureFile that could be read, or a function that reads them; those that displace cages are used.
+    `known`: what was diced before.
     `on_cage` is called with the number of cages that have been diced, and of all.
     """
     try:
-        displaced = displacements(description, textures or {})
+        displaced = displacements(description, {} if textures is None else textures)
         chosen = dicing.dicing_by_settings(settings)
         made, warnings = dicing.dice(compiled, description, chosen, threads(settings), displaced, known, on_cage)
-        made, notes = dice_patches_of(dice_ribbons(made, chosen.pixels), chosen)
+        made, notes = dicing.dice_patches_of(dicing.dice_ribbons(made, chosen.pixels, known), chosen, known)
         return made, [*warnings, *notes]
     except compiled.CoreError as error:
         raise_primray_error(error)

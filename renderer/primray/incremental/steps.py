@@ -24,6 +24,7 @@ from ..process_memory import machine_bytes, resident_bytes
 from ..render.prepare import Steps, Textures, image_sizes, read_files
 from ..report.summary import ImageSize
 from ..settings import DefaultWrap, Filter, RenderSettings, rows
+from ..tessellation.dice import DicedBefore
 from ..textures.texture import Texture
 from ..textures.texture_set import LoadedFile, images_of, load_files, with_read_textures
 from ..textures.tile_cache import TileCache, tile_cache
@@ -53,7 +54,7 @@ def without_sampling_settings(settings: RenderSettings) -> RenderSettings:
 @dataclass
 class _Diced:
     given: SceneDescription
-    asked: tuple[float, int | None]
+    asked: tuple[float, int | None, DefaultWrap]
     made: SceneDescription
     limits: Limits
 
@@ -120,7 +121,7 @@ class CachedSteps(Steps):
     def _drop(self) -> None:
         self._loaded: LoadedTextures | None = None
         self._diced: _Diced | None = None
-        self.diced_before = {}
+        self.diced_before = DicedBefore()
         self._counted: tuple[SceneDescription, float, Counts] | None = None
         self._digests: tuple[SceneDescription, dict[str, str]] | None = None
         self._built: _Built | None = None
@@ -251,13 +252,17 @@ class CachedSteps(Steps):
     def dice(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings
     ) -> tuple[SceneDescription, Limits]:
+        from .. import core
+
         kept, self._diced = self._diced, None
-        asked = settings.dicing_rate, settings.max_memory_bytes
+        asked = settings.dicing_rate, settings.max_memory_bytes, settings.default_wrap
         is_displaced = any(surface.displacement is not None for surface in description.surfaces)
         counting = SHAPED | LOOKED_AT | DISPLACED if is_displaced else SHAPED | LOOKED_AT
         if kept is None or kept.asked != asked or differing_fields(kept.given, description) & counting:
-            at_hand = self._at_hand(textures, _displacing_files(description)) if is_displaced else textures
-            made, limits = super().dice(description, at_hand, settings)
+            if kept is None or kept.asked[2] != asked[2]:
+                self.diced_before = DicedBefore()  # displacements that read textures are known by their files alone
+            at_hand = partial(self._at_hand, textures, _displacing_files(description)) if is_displaced else textures
+            made, limits = core.dice(description, settings, at_hand, self.diced_before, partial(self.on_progress, "dice"))
         else:
             made, limits = replace(description, shapes=kept.made.shapes), kept.limits
         self._diced = _Diced(description, asked, made, limits)

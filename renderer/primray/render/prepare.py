@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ..labels.table import LabelTable
     from ..report.report import Costs
     from ..report.summary import ImageSize
-    from ..tessellation.dice import DicedShape
+    from ..tessellation.dice import DicedBefore
     from ..textures.texture import Texture
     from ..textures.texture_set import LoadedFile
     from ..textures.tile_cache import TileCache
@@ -371,7 +371,7 @@ class Steps:
 
     on_progress: Callable[[str, int, int], None] = staticmethod(_unheard)
     has_record = False  # whether what rays hit can be named although no AOV is requested
-    diced_before: dict[int, DicedShape] | None = None  # what was diced before; None: nothing stays
+    diced_before: DicedBefore | None = None  # what was diced before; None: nothing stays
     kept_images: KeptImages | None = None  # those of an earlier scene in the core, for the next one that is built
 
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:

@@ -1,5 +1,5 @@
-"""Dicing of every SubdivisionMesh to a Mesh on its limit surface, and of every NurbsPatch, as finely as the camera's view
-requires.
+"""Dicing of every SubdivisionMesh to a Mesh on its limit surface, of every NurbsPatch and of all Ribbons, as finely as the
+camera's view requires; what was diced for an earlier view is taken again where it would be the same.
 
 The refinement of cages itself is in the core (core/subdivision/dicing/dice.hpp), that of patches in nurbs/.
 """
@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Protocol
+from operator import is_
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -21,12 +22,14 @@ from ..description import (
     NurbsPatch,
     PointMotion,
     Primvar,
+    Ribbons,
     SceneDescription,
     SubdivisionMesh,
 )
 from ..settings import RenderSettings
-from .footprint import EVERYWHERE, MAX_LEVEL, OUTSIDE, Footprint, footprints
-from .nurbs.patches import Fineness, dice_patches, triangles_of
+from .footprint import EVERYWHERE, MAX_LEVEL, OUTSIDE, Footprint, KeptFootprints, footprints
+from .nurbs.patches import DicedPatch, Fineness, dice_patches, triangles_of
+from .ribbons import quads_of, strip
 
 # Tokens in the order of the core's enumerations (topology.hpp, face_varying.cpp).
 SCHEMES = ("catmullClark", "loop", "bilinear")
@@ -91,7 +94,12 @@ class Dicer(Protocol):
 class Displacements(Protocol):
     """Source of displacements for diced shapes."""
 
-    warnings: Warnings
+    @property
+    def warnings(self) -> Warnings:
+        """What is reported of the shapes that `of` was called for."""
+
+    def depends_on(self, number: int, shape: DisplacedMesh) -> tuple[tuple[object, ...], object]:
+        """Return all that the data depends on besides the shape, texels aside: objects, and what compares equal."""
 
     def of(self, number: int, shape: DisplacedMesh) -> dict[str, object]:
         """Return the displacement data of the shape with this index in the description, for the core's dice()."""
@@ -125,14 +133,67 @@ def dicing_by_settings(settings: RenderSettings) -> Dicing:
     return Dicing(settings.dicing_rate, max_triangles=limit)
 
 
-@dataclass(frozen=True)
-class DicedShape:
-    """A cage's triangles, and all that they depend on."""
+Made = TypeVar("Made")
 
-    cage: SubdivisionMesh
-    key: tuple[object, ...]
-    made: DicedCage
+
+@dataclass(frozen=True)
+class DicedShape(Generic[Made]):
+    """A shape's triangles, and all that they depend on: objects, which must be the same, and what compares equal."""
+
+    given: tuple[object, ...]
+    key: object
+    made: Made
     mesh: Mesh
+
+    def is_of(self, given: tuple[object, ...], key: object) -> bool:
+        return len(self.given) == len(given) and all(map(is_, self.given, given)) and self.key == key
+
+
+class DicedBefore:
+    """What was diced for an earlier view, by the index of its shape: taken again where nothing that it depends on has changed.
+
+    Textures of displacements count as unchanged: whoever reads another file forgets all of this.
+    """
+
+    def __init__(self) -> None:
+        self.cages: dict[int, DicedShape[DicedCage]] = {}
+        self.patches: dict[int, DicedShape[DicedPatch]] = {}
+        self.ribbons: dict[int, DicedShape[None]] = {}
+        self.displaced: list[int] = []  # indices of displaced cages, and what was reported of them
+        self.displaced_warnings: Warnings = []
+        self.footprints = {kind: KeptFootprints() for kind in (SubdivisionMesh, NurbsPatch, Ribbons)}
+
+
+@dataclass(frozen=True)
+class _Cages:
+    """Cages of a description, with their footprints, and what their triangles depend on."""
+
+    shapes: dict[int, SubdivisionMesh]
+    prints: dict[int, Footprint]
+    depends_on: dict[int, tuple[tuple[object, ...], object]]  # that displaces them
+    displaced: Displacements | None
+
+    @staticmethod
+    def of(description: SceneDescription, prints: dict[int, Footprint], displaced: Displacements | None) -> _Cages:
+        shapes = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
+        depends_on = {
+            k: displaced.depends_on(k, s) for k, s in shapes.items() if displaced is not None and isinstance(s, DisplacedMesh)
+        }
+        return _Cages(shapes, prints, depends_on, displaced)
+
+    def given(self, k: int) -> tuple[object, ...]:
+        return (self.shapes[k], *(self.depends_on[k][0] if k in self.depends_on else ()))
+
+    def key(self, k: int, dicing: Dicing) -> object:
+        return key_of(self.prints[k]), dicing, self.depends_on[k][1] if k in self.depends_on else None
+
+    def made_before(self, k: int, known: DicedBefore, dicing: Dicing) -> DicedCage | None:
+        one = known.cages.get(k)
+        return one.made if one is not None and one.is_of(self.given(k), self.key(k, dicing)) else None
+
+    def displacement(self, k: int) -> dict[str, object] | None:
+        shape = self.shapes[k]
+        return self.displaced.of(k, shape) if self.displaced is not None and isinstance(shape, DisplacedMesh) else None
 
 
 def dice(
@@ -141,20 +202,19 @@ def dice(
     dicing: Dicing,
     threads: int,
     displaced: Displacements | None = None,
-    known: dict[int, DicedShape] | None = None,
+    known: DicedBefore | None = None,
     on_cage: OnCage | None = None,
 ) -> tuple[SceneDescription, Warnings]:
     """Return the description with cages diced to triangles, and warnings. Edges are longer than asked if there would be too
-    many triangles. `known`: what was diced before, by the index of its shape, which is used where nothing has changed; it is
-    updated. `on_cage` is called with the number of cages that have been diced, and of all."""
-    prints = footprints(description)
+    many triangles. `known`: what was diced before, which is used where nothing has changed; it is updated. `on_cage` is called
+    with the number of cages that have been diced, and of all."""
+    known = DicedBefore() if known is None else known
+    prints = footprints(description, SubdivisionMesh, known.footprints[SubdivisionMesh])
     if not prints:
         return description, []
-    cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
-    moved = {k: displaced.of(k, s) for k, s in cages.items() if displaced is not None and isinstance(s, DisplacedMesh)}
-    known = {} if known is None else known
-    made, pixels = _within_limit(core, cages, prints, moved, dicing, threads, known, on_cage)
-    warnings: Warnings = [] if displaced is None else displaced.warnings
+    cages = _Cages.of(description, prints, displaced)
+    made, pixels = _within_limit(core, cages, dicing, threads, known, on_cage)
+    warnings = list(known.displaced_warnings)
     if pixels > dicing.pixels:
         warnings.append(
             (
@@ -164,57 +224,53 @@ def dice(
             )
         )
     shapes = list(description.shapes)
-    before = dict(known)
-    known.clear()
-    for k, cage in cages.items():
+    before, known.cages = known.cages, {}
+    for k, cage in cages.shapes.items():
         mesh = before[k].mesh if k in before and before[k].made is made[k] else _mesh(cage, made[k])
         shapes[k] = mesh
-        if k not in moved:  # what displaces it may change
-            known[k] = DicedShape(cage, _key(prints[k], replace(dicing, pixels=pixels)), made[k], mesh)
+        known.cages[k] = DicedShape(cages.given(k), cages.key(k, replace(dicing, pixels=pixels)), made[k], mesh)
         warnings += _warnings(cage, made[k], dicing_of_cage(cage, replace(dicing, pixels=pixels)))
     return replace(description, shapes=tuple(shapes)), warnings
 
 
 def _within_limit(
-    core: Dicer,
-    cages: dict[int, SubdivisionMesh],
-    prints: dict[int, Footprint],
-    moved: dict[int, dict[str, object]],
-    dicing: Dicing,
-    threads: int,
-    known: dict[int, DicedShape],
-    on_cage: OnCage | None = None,
+    core: Dicer, cages: _Cages, dicing: Dicing, threads: int, known: DicedBefore, on_cage: OnCage | None = None
 ) -> tuple[dict[int, DicedCage], float]:
     """Return the core's results and the edge length in pixels, which is doubled until all cages together have few enough
     triangles."""
-    pixels = dicing.pixels
+    pixels, shapes = dicing.pixels, cages.shapes
+    moved: dict[int, dict[str, object] | None] = {}
     with ThreadPoolExecutor(max(threads, 1)) as pool:
         while True:
             limit = dicing.max_triangles if pixels < 1e6 else 1 << 31
             now = replace(dicing, pixels=pixels, max_triangles=limit)
-            done = {
-                k: known[k].made
-                for k, cage in cages.items()
-                if k in known and k not in moved and known[k].cage is cage and known[k].key == _key(prints[k], now)
-            }
-            numbers = [k for k in cages if k not in done]
+            done = {k: found for k in shapes if (found := cages.made_before(k, known, now)) is not None}
+            if not moved and (any(k not in done for k in cages.depends_on) or known.displaced != list(cages.depends_on)):
+                # All at once, for what is reported of them.
+                moved = {k: cages.displacement(k) for k in cages.depends_on}
+                known.displaced = list(moved)
+                known.displaced_warnings = [] if cages.displaced is None else list(cages.displaced.warnings)
+            numbers = [k for k in shapes if k not in done]
             size = max(1, min(MAX_BATCH, len(numbers) // (16 * max(threads, 1))))  # handing over single small cages is slow
             batches = [numbers[start : start + size] for start in range(0, len(numbers), size)]
-            jobs = [pool.submit(_dice_some, core, [(cages[k], prints[k], moved.get(k)) for k in some], now) for some in batches]
+            jobs = [
+                pool.submit(_dice_some, core, [(shapes[k], cages.prints[k], moved.get(k)) for k in some], now)
+                for some in batches
+            ]
             made = dict(done)
             for k, each in zip(numbers, (each for job in jobs for each in job.result()), strict=True):
                 made |= {k: each} if each is not None else {}
                 if on_cage is not None:
-                    on_cage(len(made), len(cages))
-            if len(made) == len(cages) and sum(len(each.triangles) for each in made.values()) <= limit:
+                    on_cage(len(made), len(shapes))
+            if len(made) == len(shapes) and sum(len(each.triangles) for each in made.values()) <= limit:
                 return made, pixels
             pixels *= 2
 
 
-def _key(footprint: Footprint, dicing: Dicing) -> tuple[object, ...]:
-    """Return what a cage's triangles depend on besides the cage."""
+def key_of(footprint: Footprint) -> tuple[object, ...]:
+    """Return what a shape's triangles depend on of its footprint."""
     camera, views = footprint.projected, (footprint.views.tobytes(), footprint.sweeps.tobytes(), footprint.density)
-    return (*views, camera.orthographic, camera.pixels_per_unit, camera.window, camera.sees_around, dicing)
+    return (*views, camera.orthographic, camera.pixels_per_unit, camera.window, camera.sees_around)
 
 
 def _dice_some(
@@ -394,22 +450,34 @@ def _colors(colors: Primvar, triangles: Ints, points: int) -> Floats:
     return values[triangles.ravel()] if kind is Interpolation.POINT else np.repeat(values, 3, axis=0)
 
 
-def dice_patches_of(description: SceneDescription, dicing: Dicing) -> tuple[SceneDescription, Warnings]:
+def dice_patches_of(
+    description: SceneDescription, dicing: Dicing, known: DicedBefore | None = None
+) -> tuple[SceneDescription, Warnings]:
     """Return the description with every NurbsPatch diced to triangles, and warnings about coarser edges and trim loops without
-    effect."""
+    effect. `known`: as in `dice`."""
     patches = {k: s for k, s in enumerate(description.shapes) if isinstance(s, NurbsPatch)}
     if not patches:
         return description, []
+    known = DicedBefore() if known is None else known
     fine = Fineness(dicing.pixels, dicing.flatness, dicing.max_level)
-    made, pixels = dice_patches(patches, footprints(description, NurbsPatch), fine, dicing.max_triangles)
+    prints = footprints(description, NurbsPatch, known.footprints[NurbsPatch])
+    keys = {k: key_of(each) for k, each in prints.items()}
+
+    def made_before(k: int, now: Fineness) -> DicedPatch | None:
+        one = known.patches.get(k)
+        return one.made if one is not None and one.is_of((patches[k],), (keys[k], now)) else None
+
+    made, pixels = dice_patches(patches, prints, fine, dicing.max_triangles, made_before)
     warnings: Warnings = []
     if pixels > dicing.pixels:
         sentence = f"NURBS patches have edges of {pixels:g} pixels instead of {dicing.pixels:g}, to limit their triangles."
         warnings.append(("dicing-limited", "", sentence))
     shapes = list(description.shapes)
+    known.patches = {}
     for k, patch in patches.items():
         found = made[k]
         shapes[k] = found.mesh
+        known.patches[k] = DicedShape((patch,), (keys[k], replace(fine, pixels=pixels)), found, found.mesh)
         if found.is_limited:
             sentence = f"Edges cover more than {pixels:g} pixels even at level {dicing.max_level}, the finest."
             warnings.append(("dicing-limited", patch.path, sentence))
@@ -417,3 +485,22 @@ def dice_patches_of(description: SceneDescription, dicing: Dicing) -> tuple[Scen
             sentence = f"{found.empty_loops} of {len(patch.loops)} trim loops enclose no area: they are ignored."
             warnings.append(("nurbs-data", patch.path, sentence))
     return replace(description, shapes=tuple(shapes)), warnings
+
+
+def dice_ribbons(description: SceneDescription, pixels: float, known: DicedBefore | None = None) -> SceneDescription:
+    """Return the description with ribbons diced to edges of `pixels` along the curve. `known`: as in `dice`."""
+    known = DicedBefore() if known is None else known
+    prints = footprints(description, Ribbons, known.footprints[Ribbons])
+    if not prints:
+        return description
+    shapes = list(description.shapes)
+    before, known.ribbons = known.ribbons, {}
+    for k, footprint in prints.items():
+        ribbons = shapes[k]
+        assert isinstance(ribbons, Ribbons)
+        key, one = (key_of(footprint), pixels), before.get(k)
+        is_known = one is not None and one.is_of((ribbons,), key)
+        mesh = one.mesh if one is not None and is_known else strip(ribbons, quads_of(ribbons, footprint, pixels))
+        shapes[k] = mesh
+        known.ribbons[k] = DicedShape((ribbons,), key, None, mesh)
+    return replace(description, shapes=tuple(shapes))

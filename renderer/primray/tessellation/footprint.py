@@ -99,8 +99,11 @@ def _scale_and_window(camera: Camera, frame: Frame) -> tuple[float, Window]:
     return scale, window
 
 
-def footprints(description: SceneDescription, kind: type[Diced] = SubdivisionMesh) -> dict[int, Footprint]:
-    """Return the footprint of every cage, ribbon or patch, by its index in `shapes`."""
+def footprints(
+    description: SceneDescription, kind: type[Diced] = SubdivisionMesh, kept: KeptFootprints | None = None
+) -> dict[int, Footprint]:
+    """Return the footprint of every cage, ribbon or patch, by its index in `shapes`. `kept`: those of crowds, as seen from
+    earlier cameras."""
     cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, kind)}
     if not cages:
         return {}
@@ -110,18 +113,93 @@ def footprints(description: SceneDescription, kind: type[Diced] = SubdivisionMes
     seen: dict[int, list[_PlacedCage]] = {k: [] for k in cages}
     static = [placed for placed in description.static if placed.shape in cages]
     for placed in static:
-        seen[placed.shape].append(_PlacedCage(lambda: iter([np.eye(4)[None, :3]]), placed.matrix))
+        seen[placed.shape].append(_PlacedCage(lambda: iter([np.eye(4)[None, :3]]), placed.matrix, (placed,)))
     for placement in description.placements:
         prototype = description.prototypes[placement.prototype]
-        _see(prototype, partial(_transforms, placement), cages, seen)
+        _see(prototype, partial(_transforms, placement), cages, seen, placement)
         for inner in prototype.placements:
-            _see(description.prototypes[inner.prototype], _nested(placement, inner, camera), cages, seen)
+            _see(description.prototypes[inner.prototype], _nested(placement, inner, camera), cages, seen, None)
     once = [placed for placed in static if len(seen[placed.shape]) == 1]
     alone = _footprints_placed_once(once, camera)
     if motion is None and (grid := grid_cell(description.camera)) > 0:
-        steady = [placed for placed in once if _may_stay(cages[placed.shape], placed, camera, grid)]
-        alone |= _footprints_placed_once(steady, _from_grid_point(description.camera, camera, grid))
+        from_grid = _from_grid_point(description.camera, camera, grid)
+        steady = [placed for placed in once if _may_stay(_box_of(cages[placed.shape]), placed.matrix, camera, grid)]
+        alone |= _footprints_placed_once(steady, from_grid)
+        crowds = {k: places for k, places in seen.items() if k not in alone and all(each.of for each in places)}
+        alone |= (KeptFootprints() if kept is None else kept).of(cages, crowds, camera, from_grid, grid)
+    elif kept is not None:
+        kept.forget()
     return {k: alone[k] if k in alone else _footprint(cage, seen[k], camera) for k, cage in cages.items()}
+
+
+class KeptFootprints:
+    """Footprints of crowds, that is of shapes with several instances, from grid points, and the boxes around the crowds: those
+    of before, where these are of the very same instances, since there may be millions."""
+
+    def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        self._boxes: dict[int, tuple[tuple[object, ...], Doubles]] = {}
+        self._prints: dict[int, tuple[tuple[object, ...], Projected, Footprint]] = {}
+
+    def of(
+        self,
+        cages: Mapping[int, Diced],
+        crowds: Mapping[int, Sequence[_PlacedCage]],
+        camera: Projected,
+        from_grid: Projected,
+        cell: float,
+    ) -> dict[int, Footprint]:
+        """Return the footprints from a grid point, of those that a camera near it may see as from there."""
+        found: dict[int, Footprint] = {}
+        boxes, self._boxes = self._boxes, {}
+        prints, self._prints = self._prints, {}
+        for k, places in crowds.items():
+            made_of = (cages[k], *(one for each in places for one in each.of))
+            box = boxes[k][1] if k in boxes and _are_same(boxes[k][0], made_of) else _box_of_crowd(cages[k], places)
+            self._boxes[k] = made_of, box
+            if not _may_stay(box, np.eye(4), camera, cell):
+                continue
+            before = prints.get(k)
+            if before is not None and _are_same(before[0], made_of) and _sees_alike(before[1], from_grid):
+                found[k] = before[2]
+            else:
+                found[k] = _footprint(cages[k], places, from_grid)
+            self._prints[k] = made_of, from_grid, found[k]
+        return found
+
+
+def _are_same(some: tuple[object, ...], others: tuple[object, ...]) -> bool:
+    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
+
+
+def _sees_alike(one: Projected, other: Projected) -> bool:
+    """Return whether two views from grid points, which look everywhere, are one."""
+    poses = one.poses[0].camera_from_world, other.poses[0].camera_from_world
+    return one.pixels_per_unit == other.pixels_per_unit and bool(np.array_equal(*poses))
+
+
+def _box_of(cage: Diced) -> Doubles | None:
+    """Return the ends (2, 3) of a box around a shape, as it is at the frame's time; None if it has no points."""
+    if isinstance(cage, Ribbons):
+        return np.stack(cage.box()) if len(cage.controls) else None
+    if not len(cage.points):
+        return None
+    ends = np.stack([cage.points.min(axis=0), cage.points.max(axis=0)]).astype(np.float64)
+    return ends + [[-cage.reach], [cage.reach]] if isinstance(cage, DisplacedMesh) else ends
+
+
+def _box_of_crowd(cage: Diced, places: Sequence[_PlacedCage]) -> Doubles:
+    """Return the ends (2, 3) of a box around the bounding spheres of all instances."""
+    center, radius = _bounding_sphere(cage)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for matrices in _chunks(places, Pose(np.eye(4), np.zeros(3))):
+        if len(matrices):
+            at = matrices[:, :, :3] @ center + matrices[:, :, 3]
+            extent = radius * np.sqrt(np.square(matrices[:, :, :3]).sum(axis=(1, 2)))[:, None]
+            low, high = np.minimum(low, (at - extent).min(axis=0)), np.maximum(high, (at + extent).max(axis=0))
+    return np.stack([low, high])
 
 
 def grid_cell(camera: Camera) -> float:
@@ -142,15 +220,14 @@ def _from_grid_point(camera: Camera, seen: Projected, cell: float) -> Projected:
     return replace(seen, poses=(Pose(inverse, np.zeros(3)),), window=EVERYWHERE, sees_around=True)
 
 
-def _may_stay(cage: Diced, placed: Placed, camera: Projected, cell: float) -> bool:
-    """Return whether nothing of a cage is far outside the view, or close to the camera."""
-    if not isinstance(cage, SubdivisionMesh) or isinstance(cage, DisplacedMesh) or not len(cage.points):
+def _may_stay(box: Doubles | None, matrix: Doubles, camera: Projected, cell: float) -> bool:
+    """Return whether nothing in a box, which a matrix places, is far outside the view, or close to the camera."""
+    if box is None or not np.isfinite(box).all():
         return False
-    ends = np.stack([cage.points.min(axis=0), cage.points.max(axis=0)]).astype(np.float64)
-    corners = ends[CORNERS, [0, 1, 2]]
+    corners = box[CORNERS, [0, 1, 2]]
     (pose,) = camera.poses
-    matrix = pose.camera_from_world @ placed.matrix
-    x, y, z = matrix[:3, :3] @ corners.T + matrix[:3, 3:]
+    placed = pose.camera_from_world @ matrix
+    x, y, z = placed[:3, :3] @ corners.T + placed[:3, 3:]
     left, right, bottom, top = (WIDER * side for side in camera.window)
     is_seen = (x >= -left * z) & (x <= -right * z) & (y >= -bottom * z) & (y <= -top * z)
     return bool(is_seen.all() and (-z > CELLS_APART * cell).all())
@@ -187,6 +264,7 @@ def _through(pose: Pose, world: Doubles, matrices: Doubles) -> Doubles:
 class _PlacedCage:
     chunks: Callable[[], Iterator[Doubles]]  # (K, 3, 4) world_from_prototype
     matrix: Doubles  # (4, 4) prototype_from_object
+    of: tuple[object, ...] = ()  # all that both are made of; nothing where they depend on the camera
 
 
 def _see(
@@ -194,10 +272,12 @@ def _see(
     chunks: Callable[[], Iterator[Doubles]],
     cages: Mapping[int, object],
     seen: dict[int, list[_PlacedCage]],
+    placement: Placement | None,
 ) -> None:
     for placed in prototype.shapes:
         if placed.shape in cages:
-            seen[placed.shape].append(_PlacedCage(chunks, placed.matrix))
+            of = () if placement is None else (placed, placement)
+            seen[placed.shape].append(_PlacedCage(chunks, placed.matrix, of))
 
 
 def _transforms(placement: Placement) -> Iterator[Doubles]:

@@ -1,4 +1,4 @@
-"""Dicing of every Ribbons to a Mesh: a strip of quads along each curve, with edges as long as the camera's view allows.
+"""Dicing of Ribbons to a Mesh: a strip of quads along each curve, with edges as long as the camera's view allows.
 
 Adjacent quads share vertices, so a strip has no cracks, whatever the numbers of quads in its segments.
 """
@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Doubles, Floats
-from ..description import Interpolation, Mesh, PointMotion, Primvar, Ribbons, SceneDescription
-from .footprint import Footprint, footprints
+from ..description import Interpolation, Mesh, PointMotion, Primvar, Ribbons
+from .footprint import Footprint
 
 Ints = npt.NDArray[np.integer[Any]]
 
@@ -22,18 +22,6 @@ STRAIGHT = 1e-5  # largest distance of a straight segment from its chord, relati
 TINY = 1e-12
 BEND = 1e-3  # smallest change of side direction between segments for which their edges are mitred
 LEAST_COSINE = 0.5  # limits mitres to twice the width
-
-
-def dice_ribbons(description: SceneDescription, pixels: float) -> SceneDescription:
-    """Return the description with ribbons diced to edges of `pixels` along the curve."""
-    prints = footprints(description, Ribbons)
-    if not prints:
-        return description
-    shapes = list(description.shapes)
-    for k, shape in enumerate(shapes):
-        if isinstance(shape, Ribbons) and k in prints:
-            shapes[k] = strip(shape, quads_of(shape, prints[k], pixels))
-    return replace(description, shapes=tuple(shapes))
 
 
 def first_controls(ribbons: Ribbons) -> Ints:

@@ -3,7 +3,7 @@ pixels are measured as in the core's dicing of cages (core/subdivision/dicing/fo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -173,15 +173,19 @@ class DicedPatch:
 
 
 def dice_patches(
-    patches: Mapping[int, NurbsPatch], prints: Mapping[int, Footprint], fine: Fineness, most: int
+    patches: Mapping[int, NurbsPatch],
+    prints: Mapping[int, Footprint],
+    fine: Fineness,
+    most: int,
+    made_before: Callable[[int, Fineness], DicedPatch | None] = lambda k, now: None,
 ) -> tuple[dict[int, DicedPatch], float]:
     """Return the diced patches and the edge length in pixels, which is doubled until all have at most `most` triangles
-    together."""
+    together. `made_before` returns what is known of a patch already."""
     pixels = fine.pixels
     while True:
         now, made, total = replace(fine, pixels=pixels), dict[int, DicedPatch](), 0
         for k, patch in patches.items():
-            found = dice_patch(patch, prints[k], now)
+            found = made_before(k, now) or dice_patch(patch, prints[k], now)
             if found is None:
                 break
             made[k] = found
