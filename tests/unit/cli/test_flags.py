@@ -27,7 +27,7 @@ LACKING = {
 # Several targets; one page, and several cameras and variants of one scene; files of points.
 ITS_OWN = {
     ("estimate", "--target-error"),
-    *(("sheet", name) for name in ("--output", "--camera", "--variant")),
+    *(("sheet", name) for name in ("--output", "--camera", "--variant", "--ray")),
     ("lidar", "--output"),
     ("lidar", "--report"),
 }

@@ -26,14 +26,13 @@ PARTS = {
 class Sheets:
     """Sheets of a folder whose renders are counted."""
 
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder, self.kept, self.exit_code = folder / "lib", folder / "kept", 0
         self.folder.mkdir()
         self.rendered: list[str] = []
         self._count = 0
         for name, text in PARTS.items():
             (self.folder / name).write_text(text)
-        monkeypatch.setattr(kept_outcomes, "render_stage", self._render)
 
     def _render(self, folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome:
         self.rendered.append(stage.name)
@@ -44,7 +43,7 @@ class Sheets:
         """Return the names of the stages that a new sheet renders."""
         self._count += 1
         self.rendered = []
-        kept = KeptOutcomes(self.kept)
+        kept = KeptOutcomes(self.kept, self._render)
         for name in ("shot.usda", "other.usda"):
             outcome = kept.render(self.folder, self.folder / name, limits, tmp_path / f"scratch-{self._count}-{name}")
             assert (outcome.stage, outcome.marks, outcome.report) == (name, ("black",), {"diagnostics": []})
@@ -54,8 +53,8 @@ class Sheets:
 
 
 @pytest.fixture
-def sheets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sheets:
-    return Sheets(tmp_path, monkeypatch)
+def sheets(tmp_path: Path) -> Sheets:
+    return Sheets(tmp_path)
 
 
 @limits_memory
