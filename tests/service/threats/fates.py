@@ -127,8 +127,8 @@ def workers_of(server: RunningServer) -> list[str]:
     lines = []
     for status in Path("/proc").glob("[0-9]*/status"):
         try:
-            parent = int(re.search(r"PPid:\s*(\d+)", status.read_text())[1])  # type: ignore[index]
-            command = (status.parent / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            parent = int(re.search(r"PPid:\s*(\d+)", status.read_text(errors="replace"))[1])  # type: ignore[index]
+            command = (status.parent / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
         except (OSError, TypeError):
             continue
         lines.append((int(status.parent.name), parent, command))
