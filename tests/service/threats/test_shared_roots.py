@@ -123,15 +123,16 @@ def test_what_cannot_be_named(client: Any, path: str, status: int, slug: str) ->
     problem(asked(client, path), status, slug)
 
 
-def test_a_root_of_other_tenants_is_as_one_that_there_is_not(server: RunningServer, client: Any) -> None:
+def test_a_root_of_other_tenants_is_as_one_that_there_is_not(server: RunningServer, client: Any, storage: Path) -> None:
     said = [{**asked(client, path).json(), "request_id": ""} for path in ("old/shot.usda", "none/shot.usda")]
     assert said[0] == said[1]
     archive = client_of(server, "archive")
     assert archive.get("/v1/capabilities").json()["shared_roots"] == ["old", "shows"]
     refused = finished(archive, asked(archive, "old/shot.usda").json()["id"])  # ../set.usda is not in this root
     assert refused["error"]["type"] == "/problems/asset-path-outside-job"
-    edited = finished(archive, asked(archive, "old/edited.usda").json()["id"])
-    assert edited["state"] == "succeeded"
+    (storage / "shows/010/alone.usda").write_bytes(SCENE)
+    alone = finished(archive, asked(archive, "old/alone.usda").json()["id"])
+    assert alone["state"] == "succeeded"
 
 
 def test_an_uploaded_scene_reads_nothing_of_a_root(client: Any, storage: Path) -> None:
