@@ -6,14 +6,12 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from .. import usd
-from ..color.color_space import luminance_weights
-from ..description import SceneDescription, TextureFile
+from ..description import SceneDescription
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError
 from ..render.interruption import interruption
@@ -24,7 +22,7 @@ from ..sampling.sampling import Sampling
 from ..settings import RenderSettings, StudioLight, with_values
 from ..settings.stage_settings import NOTHING_ASKED
 from .facets import APART, SIDES, Facets, camera_of, dicing_camera, facets_of, groups_apart, half_width, with_facets
-from .meters import CODE, LightMeter, MeterGrid, MeterKind, Meters
+from .meters import CODE, LightMeter, MeterGrid, MeterKind, Meters, as_vector
 from .readings import GridReading, Measured, Precision, PrecisionJudge, Reading, grids_of, readings_of
 from .sky import OUTSIDE, under_overcast_sky
 
@@ -33,7 +31,6 @@ if TYPE_CHECKING:
     from ..report.prepared import Prepared
     from ..sampling.sampling import Progress
     from ..settings.written import SettingsValues
-    from ..textures.texture import Texture
 
 MOST_SAMPLES = 1 << 16  # of each of a meter's pixels
 # What a measurement decides itself.
@@ -93,7 +90,6 @@ class _MeterSteps(Steps):
 
     def __init__(self, facets: Facets, *, is_overcast: bool) -> None:
         self._facets, self._is_overcast = facets, is_overcast
-        self._sky: Mapping[TextureFile, list[tuple[int, Texture]]] = MappingProxyType({})
 
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
         description, told = super().translate(stage, settings)
@@ -104,10 +100,10 @@ class _MeterSteps(Steps):
     ) -> tuple[SceneDescription, Textures]:
         if not self._is_overcast:
             return super().load_textures(description, diagnostics, settings)
-        description, self._sky = under_overcast_sky(description)
+        description, sky = under_overcast_sky(description)
         lights = description.lights
         description, textures = super().load_textures(replace(description, lights=()), diagnostics, settings)
-        return replace(description, lights=lights), {**textures, **self._sky}
+        return replace(description, lights=lights), {**textures, **sky}
 
 
 @with_setting_names
@@ -146,7 +142,7 @@ def measure(
     settings = with_values(settings, values)
     if not 0 < maintenance_factor <= 1:
         raise SettingsError(f"a maintenance factor is above 0, at most 1, not {maintenance_factor}", code=CODE)
-    precision = Precision(target, of_mean, simultaneous)
+    Precision(target)  # checks it before the stage is opened
     opening, diagnostics, costs = Diagnostics(), Diagnostics(), Costs()
     with costs.stage("open"):
         opened = usd.open_stage(stage, opening, settings.composition)
@@ -154,6 +150,7 @@ def measure(
     given = [_of_prim(one) for one in authored.meters] if meters is None else list(meters)
     meters_of_all = Meters.of(given, authored.meters_per_unit, authored.up)
     positions = meters_of_all.positions()
+    precision = Precision(target, of_mean, simultaneous, len(positions))
     half = half_width(positions, authored.meters_per_unit)
     groups = groups_apart(positions, 2 * APART * half)
     measured, passes = Measured.none(len(positions)), []
@@ -163,14 +160,12 @@ def measure(
         told = diagnostics if number == 0 else Diagnostics()  # all groups are told the same
         steps = _MeterSteps(facets, is_overcast=daylight_factor)
         prepared = prepare(opened, opening, _asked(settings, facets), costs, told, steps=steps)
-        judge = PrecisionJudge(meters_here.meters, replace(precision, count=len(positions)))
+        judge = PrecisionJudge(meters_here.meters, precision)
         sampling = _sampled(prepared, judge, costs, partial(_shown, progress, number, len(groups)))
         passes.append(sampling)
-        weights = luminance_weights(prepared.scene.rendering_space)
-        measured.put(group, Measured.of_film(sampling.film, weights, len(group)))
+        measured.put(group, Measured.of(sampling, len(group)))
     unit = OUTSIDE / maintenance_factor if daylight_factor else 1 / maintenance_factor
     measured = measured.over(unit)
-    precision = replace(precision, count=len(positions))
     readings = readings_of(measured, meters_of_all.meters, precision)
     _note_darkness(readings, diagnostics)
     return Measurement(
@@ -223,26 +218,21 @@ def _of_prim(one: usd.AuthoredMeter) -> LightMeter | MeterGrid:
     if not np.any(look):
         raise SettingsError("a light meter's prim is flat: its matrix is singular", where=one.path, code=CODE)
     is_upright = one.kind == MeterKind.CYLINDRICAL.value
-    direction = None if is_upright else _numbers(look)
+    direction = None if is_upright else as_vector(look)
     width, height = one.size
     if not (width or height):
-        return LightMeter(one.path, _numbers(origin), direction, one.kind)  # type: ignore[arg-type]
+        return LightMeter(one.path, as_vector(origin), direction, one.kind)  # type: ignore[arg-type]
     columns, rows = (int(n) for n in one.counts)
     return MeterGrid(
         one.path,
-        _numbers(origin - x * width / 2 - y * height / 2),
-        _numbers(x * width),
-        _numbers(y * height),
+        as_vector(origin - x * width / 2 - y * height / 2),
+        as_vector(x * width),
+        as_vector(y * height),
         None if (columns, rows) == (0, 0) else (columns, rows),
         None if one.border < 0 else one.border,
         direction,
         one.kind,  # type: ignore[arg-type]
     )
-
-
-def _numbers(values: Any) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return (x, y, z)
 
 
 def _note_darkness(readings: Sequence[Reading], diagnostics: Diagnostics) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
@@ -116,14 +116,14 @@ class MeterGrid:
         direction = self.direction
         if direction is None and self.kind is MeterKind.ILLUMINANCE:
             normal = np.cross(*sides)
-            direction = _as_vector(normal if normal @ np.array(up) >= 0 else -normal)
+            direction = as_vector(normal if normal @ np.array(up) >= 0 else -normal)
         steps = [
             [(border + side * (i + 0.5) / n) / float(length) for i in range(n)]
             for border, side, n, length in zip(borders, inner, counts, lengths, strict=True)
         ]
         return [
             LightMeter(
-                f"{self.name}[{i},{j}]", _as_vector(corner + s * sides[0] + t * sides[1]), direction, self.kind, self.name
+                f"{self.name}[{i},{j}]", as_vector(corner + s * sides[0] + t * sides[1]), direction, self.kind, self.name
             )
             for j, t in enumerate(steps[1])
             for i, s in enumerate(steps[0])
@@ -223,7 +223,7 @@ def _vector(value: Any, name: str, part: str) -> Vector:
         found = np.zeros(0)
     if found.shape != (3,) or not np.isfinite(found).all():
         raise SettingsError(f"{part} must be three finite numbers, not {value!r}", where=name, code=CODE)
-    return _as_vector(found)
+    return as_vector(found)
 
 
 def _unit(value: Any, name: str) -> Vector:
@@ -231,9 +231,10 @@ def _unit(value: Any, name: str) -> Vector:
     size = float(np.linalg.norm(found))
     if size == 0:
         raise SettingsError("a direction must not be 0", where=name, code=CODE)
-    return _as_vector(found / size)
+    return as_vector(found / size)
 
 
-def _as_vector(value: npt.ArrayLike | Sequence[float]) -> Vector:
+def as_vector(value: npt.ArrayLike) -> Vector:
+    """Return three numbers as floats."""
     x, y, z = (float(v) for v in np.asarray(value, np.float64))
     return (x, y, z)

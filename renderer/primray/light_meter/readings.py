@@ -7,7 +7,6 @@ number squared: replicates and pixels are independent. Its freedom is Welch and 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
@@ -16,7 +15,6 @@ import numpy as np
 
 from ..arrays import Doubles
 from ..color.color_space import luminance_weights
-from ..core import Film
 from ..errors import SettingsError
 from ..sampling.error import Z95, student_quantile
 from ..sampling.sampling import Sampling
@@ -102,9 +100,10 @@ class Measured:
     freedom: Doubles
 
     @classmethod
-    def of_film(cls, film: Film, weights: Iterable[float], count: int) -> Measured:
-        """Return illuminances in lux from the radiances of facets of albedo 1; `weights` are the luminance of R, G and B."""
-        sums = film.replicates[..., :3] @ np.array(list(weights), np.float64)
+    def of(cls, sampling: Sampling, count: int) -> Measured:
+        """Return illuminances in lux from the radiances of facets of albedo 1."""
+        film, weights = sampling.film, np.array(luminance_weights(sampling.scene.rendering_space))
+        sums = film.replicates[..., :3] @ weights
         means = sums / np.maximum(film.counts, 1)
         a, b = math.pi * by_meter(means[0], count), math.pi * by_meter(means[1], count)
         squares = (0.5 * (a - b)) ** 2
@@ -193,6 +192,5 @@ class PrecisionJudge:
     precision: Precision
 
     def is_met(self, sampling: Sampling) -> bool:
-        weights = luminance_weights(sampling.scene.rendering_space)
-        measured = Measured.of_film(sampling.film, weights, len(self.meters))
+        measured = Measured.of(sampling, len(self.meters))
         return bool(is_met(measured, self.meters, self.precision).all())
