@@ -20,6 +20,7 @@ import numpy.typing as npt
 from ..arrays import Floats
 from ..core import TILE
 from ..errors import SettingsError
+from ..images.image import pixels_sha256
 
 FORMAT = 1
 TYPE = "primray-lock"
@@ -149,12 +150,8 @@ def counts_of(ends: Counts) -> list[list[int]]:
     return (pairs[:1] if (pairs == pairs[:1]).all() else pairs).tolist()  # type: ignore[no-any-return]
 
 
-def hash_of_tile(pixels: Floats) -> str:
-    return hashlib.sha256(np.ascontiguousarray(pixels, "<f4").tobytes()).hexdigest()
-
-
 def hashes_of_tiles(pixels: Floats) -> list[str]:
     """Return the hash of each tile of pixels (H, W, 4), in rows from the top."""
     height, width = pixels.shape[:2]
     corners = [(y, x) for y in range(0, height, TILE) for x in range(0, width, TILE)]
-    return [hash_of_tile(pixels[y : y + TILE, x : x + TILE]) for y, x in corners]
+    return [pixels_sha256(pixels[y : y + TILE, x : x + TILE]) for y, x in corners]

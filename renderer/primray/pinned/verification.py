@@ -19,6 +19,7 @@ import numpy as np
 from ..arrays import Floats
 from ..diagnostics import Diagnostics
 from ..errors import PrimrayError, RenderCancelled, SettingsError
+from ..images.image import pixels_sha256
 from ..render.interruption import interruption
 from ..render.progress import shown_progress
 from ..report.report import Costs
@@ -26,7 +27,7 @@ from ..settings import RenderSettings
 from .attestation import difference_of_attestation
 from .difference import Difference, differences_between
 from .inputs import environment, files_of, hashes, hashes_now, settings_for_lock, settings_of_lock, versions
-from .lock import SHORT, Lock, Picture, hash_of_tile
+from .lock import SHORT, Lock, Picture
 from .pinning import hashes_of_aovs, prepared_for
 
 if TYPE_CHECKING:
@@ -232,7 +233,7 @@ class _Verifier:
             )
         self.stored = pixels
         wanted = enumerate(self.picture.tiles)
-        self.suspects = tuple(tile for tile, digest in wanted if hash_of_tile(pixels[self.picture.box(tile)]) != digest)
+        self.suspects = tuple(tile for tile, digest in wanted if pixels_sha256(pixels[self.picture.box(tile)]) != digest)
 
     def _compare_pixels(self, share: float, seed: int | None) -> None:
         chosen = self._chosen(share, seed)
@@ -295,7 +296,7 @@ class _Verifier:
         return film.image()[0]
 
     def _compare_tile(self, prepared: Prepared, tile: int, rendered: Floats) -> None:
-        digest = hash_of_tile(rendered)
+        digest = pixels_sha256(rendered)
         stored = None if self.stored is None else self.stored[self.picture.box(tile)]
         if digest == self.picture.tiles[tile]:
             if tile in self.suspects:
@@ -319,7 +320,7 @@ class _Verifier:
             ends = self.picture.ends(row.counts)
             end = int(ends[:, tile].sum())
             pixels = self._rendered(prepared, [tile], ends)
-            if hash_of_tile(pixels[box])[:SHORT] != row.tiles[tile * SHORT : (tile + 1) * SHORT]:
+            if pixels_sha256(pixels[box])[:SHORT] != row.tiles[tile * SHORT : (tile + 1) * SHORT]:
                 return f"samples {first} to {end}"
             first = end
         return f"samples after {first}" if first < int(self.picture.ends()[:, tile].sum()) else "hash of all samples alone"
@@ -329,7 +330,9 @@ class _Verifier:
         count = f" ({len(self.suspects)} tiles differ)" if len(self.suspects) > 1 else ""
         if rendered is None:
             box = self.stored[self.picture.box(tile)]
-            return Difference("picture", f"{self.file}: {self._name(tile)}{count}", self.picture.tiles[tile], hash_of_tile(box))
+            return Difference(
+                "picture", f"{self.file}: {self._name(tile)}{count}", self.picture.tiles[tile], pixels_sha256(box)
+            )
         stored = self.stored[self.picture.box(tile)]
         what = f"{self.file}: {self._first_pixel(tile, rendered, stored)}{count}"
         return Difference("picture", what, *self._values(tile, rendered, stored))
