@@ -90,6 +90,17 @@ def samples_of(folder: str | os.PathLike[str], count: int | None = None) -> Iter
         yield Sample(sample_folder(place, index), record_of(place, index))
 
 
+@dataclass(frozen=True)
+class AllSamples:
+    """The samples of a data set, read from its files each time that they are iterated over."""
+
+    folder: Path
+    count: int
+
+    def __iter__(self) -> Iterator[Sample]:
+        return samples_of(self.folder, self.count)
+
+
 def pack(config: Config, lock: Lock, folder: Path) -> list[str]:
     """Write the folder of each format anew; return sentences on what formats could not hold."""
     from .writers import WRITERS
@@ -101,7 +112,7 @@ def pack(config: Config, lock: Lock, folder: Path) -> list[str]:
         partial.mkdir()
         writer = WRITERS[name]
         notes += [
-            f"{name}: {note}" for note in writer.write(samples_of(folder, config.samples), config, lock, options, partial)
+            f"{name}: {note}" for note in writer.write(AllSamples(folder, config.samples), config, lock, options, partial)
         ]
         for file in sorted(partial.rglob("*")):
             if not file.is_symlink():
