@@ -18,6 +18,7 @@ from decimal import Decimal, DecimalException, InvalidOperation
 from pathlib import Path, PurePosixPath
 
 from ..errors import LimitError, SettingsError
+from ..settings.setting import LARGEST_NUMBER
 
 # ####, ####.## (decimals), %04d, $F4, $F, <F4>, <F>; %g, $FF, <FF> write as many decimals as the number has
 _HOLDER = re.compile(
@@ -173,7 +174,6 @@ def _filled(pattern: str, frame: float) -> str:
 
 
 MAX_FRAMES = 100_000
-LARGEST_NUMBER = 10**9  # the largest number in a frame list
 
 _PLAIN = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _DASHED = re.compile(rf"({_PLAIN})\s*-\s*({_PLAIN})\s*", re.ASCII)

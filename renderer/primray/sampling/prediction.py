@@ -182,9 +182,10 @@ class Pilot:
 def run_pilot(
     scene: core.CoreScene, settings: RenderSettings, seconds: float, progress: Progress | None = None
 ) -> Pilot | None:
-    """Sample up to the last anchor that about `seconds` allow; None if the error cannot be estimated.
+    """Sample up to the last anchor that about `seconds` allow; None if Ctrl-C, or `progress`, stops it.
 
-    If the first anchor alone takes more than three times as long, the samples until then are used.
+    If the first anchor alone takes more than three times as long, the samples until then are used; where these are too few to
+    estimate an error (two a pixel), the time is doubled until they are enough.
     """
     samples = FIRST_ANCHOR
     uniform = replace(settings, spp=samples, time_limit_s=3 * seconds, target_error=None, adaptive=False)
@@ -195,13 +196,15 @@ def run_pilot(
         assert sampling.stop is not None
         if sampling.stop.reason == "interrupted":
             return None
+        if sampling.stop.reason == "time-limit" and not sampling.rows:
+            uniform = replace(uniform, time_limit_s=2 * sampling.seconds)
+            sampling.schedule = replace(sampling.schedule, settings=uniform)
+            continue
         if sampling.stop.reason == "time-limit" or 2 * sampling.seconds > seconds or 2 * samples > MAX_SPP:
             break
         samples *= 2
         sampling.schedule = replace(sampling.schedule, settings=replace(uniform, spp=samples))
     sampling.schedule = replace(sampling.schedule, settings=settings)
-    if not sampling.rows:
-        return None
     before = time.perf_counter()
     sampling.film.error_sums(ALL_PIXELS, core.threads(settings))
     measuring = time.perf_counter() - before

@@ -6,7 +6,6 @@ stored in reports and checkpoints.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Unpack
@@ -42,6 +41,7 @@ from .choices import (
 )
 from .setting import (
     DRAWING,
+    LARGEST_NUMBER,
     OPENING,
     PICTURES,
     RENDERING,
@@ -52,6 +52,7 @@ from .setting import (
     choice,
     file,
     four_numbers,
+    is_moderate,
     is_natural,
     is_positive,
     must,
@@ -133,8 +134,8 @@ def _check_codes(name: str, codes: tuple[str, ...]) -> None:
     check_codes(codes, name)
 
 
-def _are_finite(times: tuple[float, float]) -> bool:
-    return all(map(math.isfinite, times))
+def _are_moderate(times: tuple[float, float]) -> bool:
+    return all(map(is_moderate, times))
 
 
 def _check_diffusion(name: str, value: float) -> None:
@@ -270,7 +271,10 @@ class RenderSettings:
     )
     # None: the stage's default time.
     time_code: float | None = setting(
-        None, number, check=must(math.isfinite, "the time code must be a number"), counts=Counts.SCENE
+        None,
+        number,
+        check=must(is_moderate, f"the time code must be a number from -{LARGEST_NUMBER:,} to {LARGEST_NUMBER:,}"),
+        counts=Counts.SCENE,
     )
     # Most samples per pixel; None: the stage's number, else 64, or no limit if there is a target error or a time limit.
     spp: int | None = setting(
@@ -504,7 +508,7 @@ class RenderSettings:
     dome_rotation: float = setting(
         0.0,
         number,
-        check=must(math.isfinite, "dome_rotation must be a number of degrees"),
+        check=must(is_moderate, f"dome_rotation must be a number of degrees, at most {LARGEST_NUMBER:,}"),
         counts=Counts.STAGING,
         flag=Flag(
             ("--dome-rotation",),
@@ -549,7 +553,11 @@ class RenderSettings:
     )
     # Rotation of the camera around the scene's centre, about the up axis.
     orbit_deg: float = setting(
-        0.0, number, check=must(math.isfinite, "orbit_deg must be a number of degrees"), counts=Counts.STAGING, sampling=True
+        0.0,
+        number,
+        check=must(is_moderate, f"orbit_deg must be a number of degrees, at most {LARGEST_NUMBER:,}"),
+        counts=Counts.STAGING,
+        sampling=True,
     )
     default_wrap: DefaultWrap = setting(
         DefaultWrap.BLACK,
@@ -813,7 +821,7 @@ class RenderSettings:
     shutter: tuple[float, float] | None = setting(
         None,
         two_numbers,
-        check=must(_are_finite, "the shutter must be two finite time codes relative to the frame"),
+        check=must(_are_moderate, f"the shutter must be two time codes relative to the frame, at most {LARGEST_NUMBER:,} away"),
         counts=Counts.SCENE,
         flag=Flag(
             ("--shutter",),

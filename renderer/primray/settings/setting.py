@@ -169,6 +169,16 @@ def must(holds: Callable[[Any], bool], sentence: str) -> Check:
     return check
 
 
+MOST_WHOLE = 2**63 - 1  # beyond it a whole number is no number of anything
+# The largest time code, and the most degrees of a turn: between neighbouring doubles there is less than a millionth here.
+LARGEST_NUMBER = 10**9
+
+
+def is_moderate(value: float) -> bool:
+    """Return whether a time code or an angle is one that somebody may mean: frames and turns beyond are mistakes."""
+    return abs(value) <= LARGEST_NUMBER  # false for nan
+
+
 def is_positive(value: float) -> bool:
     return math.isfinite(value) and value > 0
 
@@ -183,7 +193,8 @@ def not_empty(name: str, value: str) -> None:
 
 
 def refused(name: str, wanted: str, value: object) -> SettingsError:
-    shown = repr(value)
+    is_huge = isinstance(value, int) and abs(value) > MOST_WHOLE  # its digits may be more than Python writes
+    shown = "a larger one" if is_huge else repr(value)
     return SettingsError(f"{name} must be {wanted}, not {shown if len(shown) <= 80 else f'{shown[:77]}...'}", where=name)
 
 
@@ -191,6 +202,8 @@ def whole(name: str, value: Any) -> int:
     value = _plain(value)
     if isinstance(value, bool) or not isinstance(value, int):
         raise refused(name, "a whole number", value)
+    if abs(value) > MOST_WHOLE:
+        raise refused(name, "a whole number of at most 63 bits", value)
     return value
 
 
@@ -198,6 +211,8 @@ def number(name: str, value: Any) -> float:
     value = _plain(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise refused(name, "a number", value)
+    if isinstance(value, int) and abs(value) > MOST_WHOLE:
+        raise refused(name, "a number of at most 63 bits where it is whole", value)
     return value
 
 

@@ -55,7 +55,7 @@ def mcp(
     roots = tuple(_folder(path, "root") for path in root or [Path()])
     memory = option_values.bytes_of(max_memory) or int(MEMORY_SHARE * _machine_bytes())
     with tempfile.TemporaryDirectory(prefix="primray-renders-") as made:
-        output = Path(made) if output_dir is None else _folder(output_dir, "output_dir")
+        output = Path(made) if output_dir is None else _made(output_dir)
         access = Access(roots=roots, output=output, most_seconds=max_seconds)
         limits = SceneLimits(memory_bytes=memory, threads=threads or len(os.sched_getaffinity(0)))
         if http:
@@ -67,8 +67,18 @@ def mcp(
 def _folder(path: Path, where: str) -> Path:
     found = Path(os.path.realpath(path))
     if not found.is_dir() or found == Path("/"):
-        raise SettingsError(f"{path} is not a folder that stages can be shown of", where=where, code="root")
+        problem = "does not exist" if not found.exists() else "is no folder" if not found.is_dir() else "may not be all files"
+        raise SettingsError(f"{path} {problem}", where=where, code="root")
     return found
+
+
+def _made(path: Path) -> Path:
+    """Return the folder of renders, which is made where it is missing, as the folder of `primray render -o` is."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SettingsError(f"{path} cannot be made: {error.strerror}", where="output_dir", code="root") from None
+    return _folder(path, "output_dir")
 
 
 def _machine_bytes() -> int:

@@ -49,6 +49,7 @@ DIRECTIONS = {
     "bottom": (0.0, -89.0),
     "three-quarter": (35.0, 25.0),
 }
+FRAMING = "three-quarter"  # the direction from which the default view shows a prim that fills the picture
 WINDOW = (-0.36, 0.36, -0.2025, 0.2025)  # at unit distance: 50 mm on 36 mm, 16:9
 FAR = 1e30
 MARGIN = 0.12  # room around what is framed, as a share of it
@@ -197,20 +198,31 @@ class Eye:
 
     def _camera(self, asked: Mapping[str, Any], view: str) -> tuple[str | Camera | None, tuple[int, int]]:
         """Return the camera of a view's name, and the picture's size."""
-        side = asked["size"]
-        direction = direction_of(view)
+        side, frame = asked["size"], asked["frame"]
+        direction = direction_of(FRAMING if view == "default" and frame is not None else view)
+        if direction is None and frame is not None:
+            sentence = (
+                f"a camera's own view frames no prim: leave frame out, or look from a direction ({', '.join(DIRECTIONS)})"
+            )
+            raise SettingsError(sentence, where="frame", code="view")
         if direction is None:
             camera = None if view == "default" else view
             plain = RenderSettings(
                 camera=camera, resolution=(side, 0), time_code=asked["time_code"], variants=tuple(asked["variants"]), aovs=()
             )
-            width, height = self.kept.translated(plain).resolution
+            try:
+                width, height = self.kept.translated(plain).resolution
+            except SettingsError as error:
+                if error.code != "unknown-camera":
+                    raise
+                sentence = f"{error.message}; other views: default, {', '.join(DIRECTIONS)}, AZIMUTH,ELEVATION"
+                raise SettingsError(sentence, where=error.where, code=error.code) from None
             return camera, (side, height) if height <= side else (max(round(side * width / height), 1), side)
+        plain = RenderSettings(time_code=asked["time_code"])  # checks itself
         stage = self.kept.opened.stage
-        box = usd.world_box(stage, asked["frame"] or "/", asked["time_code"])
+        box = usd.world_box(stage, frame or "/", plain.time_code)
         if box is None:
-            where = asked["frame"] or "/"
-            raise SettingsError("there is nothing with a size to look at", where=where, code="nothing-to-frame")
+            raise SettingsError("there is nothing with a size to look at", where=frame or "/", code="nothing-to-frame")
         is_z_up = usd.stage_facts(stage)["up_axis"] == "Z"
         return _looking_at(box, is_z_up, *direction), (side, max(round(side * 9 / 16), 1))
 
@@ -224,8 +236,9 @@ def direction_of(view: str) -> tuple[float, float] | None:
         angles = float(first), float(second)
     except ValueError:
         return None
-    if not comma or not all(map(math.isfinite, angles)) or abs(angles[1]) > 89:
-        raise SettingsError("a direction is AZIMUTH,ELEVATION in degrees, the second from -89 to 89", where=view, code="view")
+    if not comma or not (abs(angles[0]) <= 360 and abs(angles[1]) <= 89):  # not of nan
+        sentence = "a direction is AZIMUTH,ELEVATION in degrees, the first from -360 to 360, the second from -89 to 89"
+        raise SettingsError(sentence, where=view, code="view")
     return angles
 
 

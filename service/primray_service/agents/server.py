@@ -19,7 +19,7 @@ from mcp.server import MCPServer
 from mcp.server.mcpserver import Context
 from mcp.server.mcpserver.exceptions import ResourceError, ToolError
 from mcp_types import CallToolResult, ImageContent, ResourceLink, TextContent, ToolAnnotations
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from primray.errors import PrimrayError, SettingsError
 from primray.version import __version__
@@ -43,11 +43,19 @@ View = Annotated[
     Field(
         description="default (the stage's own camera, else an automatic one), a camera's path, front, back, left, right, top, "
         "bottom, three-quarter, or AZIMUTH,ELEVATION in degrees.",
+        min_length=1,
         max_length=1024,
     ),
 ]
 Views = Annotated[list[View], Field(description="Views, a picture for each.", min_length=1, max_length=MOST_VIEWS)]
-Frame = Annotated[str | None, Field(description="Prim that views from a direction show; null: everything.", max_length=4096)]
+Frame = Annotated[
+    str | None,
+    Field(
+        description="Path of the prim that fills the picture; default is then three-quarter. null: everything.",
+        min_length=1,
+        max_length=4096,
+    ),
+]
 TimeCode = Annotated[float | None, Field(description="Time code; null: the stage without a frame.", allow_inf_nan=False)]
 Variants = Annotated[
     list[Annotated[str, Field(max_length=1024)]], Field(description="Variants to choose, PRIM:SET=NAME.", max_length=32)
@@ -104,9 +112,7 @@ def create_server(access: Access, limits: SceneLimits) -> MCPServer[Any]:
             keeping.remove(scenes)
             await scenes.close()
 
-    app: MCPServer[Any] = MCPServer(
-        "primray", version=__version__, instructions=INSTRUCTIONS, lifespan=lifespan, log_level="WARNING"
-    )
+    app = _Server("primray", version=__version__, instructions=INSTRUCTIONS, lifespan=lifespan, log_level="WARNING")
 
     async def asked(
         does: str, scene: str, seconds: float, context: Context, into: Mapping[str, Path] | None = None, **members: Any
@@ -330,6 +336,35 @@ async def _reported(work: Coroutine[Any, Any, dict[str, Any]], seconds: float, c
             task.cancel()
             with suppress(asyncio.CancelledError, PrimrayError):
                 await task
+
+
+class _Server(MCPServer[Any]):
+    """A server whose refusals of arguments read as its other errors: a code, a sentence and the argument."""
+
+    async def call_tool(self, name: str, arguments: dict[str, Any], context: Context[Any, Any] | None = None) -> Any:
+        try:
+            return await super().call_tool(name, arguments, context)
+        except ToolError as error:
+            if isinstance(error.__cause__, ValidationError):
+                raise ToolError(f"Error executing tool {name}: {_refusal(error.__cause__, name)}") from None
+            raise
+
+
+def _refusal(error: ValidationError, tool: str) -> str:
+    """Return what is wrong with the first argument that is refused, without pydantic's own words and addresses."""
+    first, *rest = error.errors(include_url=False, include_context=False)
+    argument = ".".join(map(str, first["loc"]))
+    given = json.dumps(first["input"], default=str)
+    match first["type"]:
+        case "extra_forbidden":
+            sentence = f"{tool} has no argument {argument}"
+        case "missing":
+            sentence = f"{tool} needs {argument}"
+        case _:
+            said = first["msg"].removeprefix("Input ").removeprefix("String ")
+            sentence = f"{argument} {said}, not {given if len(given) <= 80 else f'{given[:77]}...'}"
+    more = f" ({len(rest)} more)" if rest else ""
+    return f"argument: {sentence}{more} [{argument}]"
 
 
 def _forbid_unknown_arguments(app: MCPServer[Any]) -> None:

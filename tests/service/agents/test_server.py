@@ -216,12 +216,57 @@ def test_refusals_have_a_code_and_a_place(folder: Path) -> None:
         assert "no-such-stage" in await _refused(client, "look", scene="none.usda")
         assert re.search(r"stage-open: .*broken", await _refused(client, "look", scene="broken.usda"))
         assert re.search(r"\[/nosuch\]|nosuch", await _refused(client, "look", scene="toys.usda", views=["/nosuch"]))
-        assert "extra_forbidden" in await _refused(client, "look", scene="toys.usda", sise=3)
-        assert "less than or equal to 768" in await _refused(client, "look", scene="toys.usda", size=5000)
+        assert "argument: look has no argument sise [sise]" in await _refused(client, "look", scene="toys.usda", sise=3)
+        refusal = await _refused(client, "look", scene="toys.usda", size=5000)
+        assert "argument: size should be less than or equal to 768, not 5000 [size]" in refusal
+        assert "argument: render needs name [name]" in await _refused(client, "render", scene="toys.usda")
+        assert "pydantic" not in await _refused(client, "estimate", scene="toys.usda", target_errors=["x"])
         assert "time:" in await _refused(client, "render", scene="toys.usda", name="x", seconds=1e6)
         assert "nothing-to-frame" in await _refused(client, "look", scene="toys.usda", views=["top"], frame="/nosuch")
         (folder / "broken.usda").write_text(STAGE)  # mended
         await _asked(client, "look", scene="broken.usda", size=64)
+
+    _run(folder, calls)
+
+
+@pytest.mark.parametrize("tool", ["look", "compare", "inspect", "doctor", "estimate", "render"])
+def test_times_that_nobody_means_are_refused(folder: Path, tool: str) -> None:
+    more = {"name": "x"} if tool == "render" else {"before": "toys.usda"} if tool == "compare" else {}
+
+    async def calls(client: mcp.Client) -> None:
+        for when in (1e308, -1e308, 1e17, "NaN", "Infinity"):
+            assert "time_code]" in await _refused(client, tool, scene="toys.usda", time_code=when, **more), when
+
+    _run(folder, calls)
+
+
+def test_views_that_are_none_are_refused_with_those_there_are(folder: Path) -> None:
+    async def calls(client: mcp.Client) -> None:
+        for view in ("1e308,0", "0,1e308", "NaN,0", "0,90", "720,0"):
+            assert re.search(r" view: .*from -360 to 360", await _refused(client, "look", scene="toys.usda", views=[view])), (
+                view
+            )
+        for view in ("FRONT", "45", "/world/ball"):
+            assert "three-quarter" in await _refused(client, "look", scene="toys.usda", views=[view]), view
+        assert "[views.0]" in await _refused(client, "look", scene="toys.usda", views=[""])
+
+    _run(folder, calls)
+
+
+def test_a_frame_is_heeded_or_refused(folder: Path) -> None:
+    """The default view of a prim is three-quarter: a camera of the stage would show it as large as it is there."""
+
+    async def calls(client: mcp.Client) -> None:
+        framed = await _asked(client, "look", scene="toys.usda", frame="/world/ball", size=96)
+        named = await _asked(client, "look", scene="toys.usda", frame="/world/ball", views=["three-quarter"], size=96)
+        share = {row["prim"]: row["share_percent"] for row in framed.table["views"][0]["seen"]}
+        assert share["/world/ball"] > 10
+        assert framed.table["views"][0]["position"] == named.table["views"][0]["position"]
+        for frame in ("/nosuch", "nosuch"):
+            assert "nothing-to-frame" in await _refused(client, "look", scene="toys.usda", frame=frame)
+        refusal = await _refused(client, "look", scene="toys.usda", frame="/world/ball", views=["/world/camera"])
+        assert re.search(r" view: .* \[frame\]", refusal)
+        assert "[frame]" in await _refused(client, "look", scene="toys.usda", frame="")
 
     _run(folder, calls)
 

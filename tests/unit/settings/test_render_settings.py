@@ -33,6 +33,13 @@ def test_defaults_are_good() -> None:
         ("seed", -1),
         ("seed", 2**32),
         ("time_code", float("nan")),
+        ("time_code", 1e308),
+        ("time_code", 10**400),  # more than a double holds
+        ("orbit_deg", 1e308),
+        ("dome_rotation", -1e308),
+        ("shutter", (0.0, 1e308)),
+        pytest.param("spp", 10**5000, id="more digits than Python writes"),
+        pytest.param("resolution", (10**5000, 1), id="so many pixels"),
         ("max_memory_bytes", 0),
         ("purposes", ("render", "final")),
         ("purposes", ()),
