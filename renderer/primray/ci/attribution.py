@@ -313,7 +313,7 @@ def _with_file(sides: Sides, change: Change) -> Iterator[Path]:
         if change.after is not None:
             (folder / change.after).parent.mkdir(parents=True, exist_ok=True)
             (folder / change.after).unlink(missing_ok=True)
-            shutil.copyfile(sides.after / change.after, folder / change.after)
+            shutil.copyfile(sides.after / change.after, folder / change.after, follow_symlinks=False)
         yield folder
     finally:
         gc.collect()  # the next file's layers have the same paths, and USD knows layers by them while anything holds them

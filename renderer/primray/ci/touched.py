@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 
+from ..errors import SettingsError
 from ..usd import files_named
 from .changes import Change
 from .repository import Sides
@@ -46,6 +47,9 @@ def reach(sides: Sides, patterns: Sequence[str], most: int) -> Reach:
             named.setdefault(path, set()).update(_relative(found, side))
             (broken_after if side is sides.after else broken_before).update(_relative(broken, side))
     inner = {file for path, files in named.items() for file in files - {path}}
+    for each in patterns:
+        if not any(fnmatch(path, each) for path in named):
+            raise SettingsError(f"no stage of either side matches {each!r}; paths are from the repository's root", code="usage")
     roots = [p for p in sorted(named) if any(fnmatch(p, each) for each in patterns)] if patterns else []
     if not patterns:
         roots = [path for path in sorted(named) if path not in inner]
@@ -86,6 +90,27 @@ def _stage_files(side: Path) -> list[str]:
 
 
 def _relative(files: set[str], side: Path) -> set[str]:
+    """Return files below a side, and the links that lead to them: a link that is set elsewhere is a change, too."""
     root = os.path.realpath(side)
-    real = (os.path.realpath(file) for file in files)
-    return {os.path.relpath(file, root) for file in real if file.startswith(root + os.sep)}
+    found = {step for file in files for step in _steps(os.path.abspath(file))}
+    return {os.path.relpath(file, root) for file in found if file.startswith(root + os.sep)}
+
+
+MOST_LINKS = 40  # on the way to a file, as of Linux
+
+
+def _steps(path: str) -> Iterator[str]:
+    """Yield each link on the way to a file, and the file's real path."""
+    at, names, links = os.sep, path.split(os.sep), 0
+    while names:
+        name = names.pop(0)
+        here = os.path.dirname(at) if name == os.pardir else at if name in ("", os.curdir) else os.path.join(at, name)
+        if links < MOST_LINKS and os.path.islink(here):
+            links += 1
+            yield here
+            target = os.readlink(here)
+            names[:0] = target.split(os.sep)
+            at = os.sep if os.path.isabs(target) else at
+        else:
+            at = here
+    yield at

@@ -223,6 +223,53 @@ def test_a_submodule_that_is_missing_on_both_sides_hides_no_other_change(
     assert "lib/assets" in stage["notes"][0]
 
 
+def test_a_link_that_is_set_to_another_version_is_a_change(repository: Path) -> None:
+    asset = repository / "asset.usda"
+    (repository / "v2").mkdir()
+    (repository / "v2/asset.usda").write_text(asset.read_text().replace("(0.8, 0.8, 0),", "(0.8, 0.5, 0),"))
+    asset.rename(repository / "asset_v1.usda")
+    asset.symlink_to("asset_v1.usda")
+    commit(repository, "versions")
+    git(repository, "switch", "--quiet", "--create", "change")
+    asset.unlink()
+    asset.symlink_to("v2/asset.usda")
+    commit(repository, "the next version")
+    code, report = judged(repository, "--head", "HEAD")
+    assert (code, verdicts(report)) == (1, {"shot.usda": "changed"})
+    assert any(edit["pixels"] for stage in report["stages"] for edit in stage["edits"])
+
+
+def test_a_folder_that_is_a_link_is_a_change(repository: Path) -> None:
+    for version, size in (("v1", 1), ("v2", 3)):
+        (repository / version).mkdir()
+        (repository / version / "more.usda").write_text(f'#usda 1.0\ndef Sphere "more"\n{{\n    double radius = {size}\n}}\n')
+    (repository / "now").symlink_to("v1")
+    replace(repository, "shot", ("subLayers = [", "subLayers = [@now/more.usda@, "))
+    commit(repository, "versions")
+    git(repository, "switch", "--quiet", "--create", "change")
+    (repository / "now").unlink()
+    (repository / "now").symlink_to("v2")
+    commit(repository, "the next version")
+    code, report = judged(repository, "--head", "HEAD", "--stage", "shot.usda")
+    assert (code, verdicts(report)) == (1, {"shot.usda": "changed"})
+
+
+def test_a_stage_that_is_a_link_comes(repository: Path) -> None:
+    git(repository, "switch", "--quiet", "--create", "change")
+    (repository / "again.usda").symlink_to("shot.usda")
+    commit(repository, "a link")
+    code, report = judged(repository, "--head", "HEAD")
+    assert (code, verdicts(report)) == (1, {"again.usda": "new"})
+
+
+def test_warnings_of_stages_are_in_the_findings_alone(repository: Path, recwarn: pytest.WarningsRecorder) -> None:
+    git(repository, "switch", "--quiet", "--create", "change")
+    replace(repository, "shot", ("@./asset.usda@", "@./nowhere.usda@"))
+    commit(repository, "a file that is missing")
+    judged(repository, "--head", "HEAD")
+    assert [str(warning.message) for warning in recwarn if "RenderWarning" in type(warning.message).__name__] == []
+
+
 def test_edits_beyond_the_most_are_put_together(repository: Path) -> None:
     replace(repository, "asset", ("roughness = 0.6", "roughness = 0.1"), ("(0.8, 0.8, 0),", "(0.8, 0.5, 0),"))
     replace(repository, "lights", ("intensity = 3", "intensity = 6\n        custom float a = 1\n        custom float b = 1"))
@@ -242,6 +289,7 @@ def test_edits_beyond_the_most_are_put_together(repository: Path) -> None:
         (["--staged", "--head", "HEAD"], "one of them"),
         (["--link", "javascript:x"], "https"),
         (["--head=--output=x"], "no commit"),
+        (["--stage", "*.usda", "--stage", "shotts/*.usda"], "no stage of either side matches 'shotts/*.usda'"),
     ],
 )
 def test_usage(words: list[str], told: str, repository: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -60,10 +60,13 @@ def ci(
 
     Exit code 0: nothing changed, 1: changed, 3: a layer or stage can no longer be read, 6: undecided, 2: usage error.
     """
+    import warnings
+
     from ...ci.attribution import Asked, judged
     from ...ci.findings import Findings, as_json, lines
     from ...ci.repository import sides
     from ...ci.touched import reach
+    from ...diagnostic_messages import RenderWarning
     from ...settings import RenderSettings
     from ..console import print_line
 
@@ -82,7 +85,8 @@ def ci(
         max_memory_bytes=option_values.bytes_of(max_memory_bytes),
     )
     asked = Asked(settings, tolerance, most_edits, tuple(time for time in times or () if time is not None))
-    with sides(Path.cwd(), base, head, staged=staged) as both:
+    with sides(Path.cwd(), base, head, staged=staged) as both, warnings.catch_warnings():
+        warnings.simplefilter("ignore", RenderWarning)  # what the side after says anew is in the findings
         found_stages = reach(both, stages or [], most)
         results = tuple(judged(touched, both, asked) for touched in found_stages.stages)
         found = Findings(both, found_stages, results, tolerance)
