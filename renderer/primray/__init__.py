@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from .render.first_hits import FirstHits
     from .render.products import Product, render_products
     from .render.stereo import StereoImage, render_stereo
+    from .render.turned_dome import turn_dome
     from .report.profile import profile
     from .sensor.lidar import LidarDetector, LidarScan, lidar
     from .sensor.lidar_pattern import LidarPattern
@@ -134,6 +135,7 @@ __all__ = [
     "render_frames",
     "render_products",
     "render_stereo",
+    "turn_dome",
     "verify",
 ]
 
@@ -189,6 +191,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "render_frames": "incremental.scene",
         "render_products": "render.products",
         "render_stereo": "render.stereo",
+        "turn_dome": "render.turned_dome",
         "verify": "pinned.verification",
     }
 

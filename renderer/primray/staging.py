@@ -70,6 +70,11 @@ def with_requested_additions(
     return description
 
 
+def turn_about_up(degrees: float, description: SceneDescription) -> Doubles:
+    """Return the rotation (4, 4) about a scene's up axis, counterclockwise as seen from above."""
+    return _turned(degrees, _up(description))
+
+
 def _up(description: SceneDescription) -> int:
     return 2 if description.up_axis == "Z" else 1
 

@@ -194,6 +194,8 @@ def check_parallel(request: JobRequest) -> None:
 def check_denoising(settings: Settings) -> None:
     if settings.stop_at == "denoised" and settings.stop.target_error is None:
         raise invalid("settings.stop_at", "a frame stops at an error of its denoised picture: name it by stop.target_error")
+    if settings.stop_at == "mix" and settings.stop.target_error is None:
+        raise invalid("settings.stop_at", "a frame stops at an error of a mix of its lights: name it by stop.target_error")
 
 
 def check_stop(stop: StopRules, limits: Limits, member: str) -> None:

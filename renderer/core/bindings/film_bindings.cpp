@@ -167,9 +167,14 @@ std::unique_ptr<Film> make_film(int width, int height, int expressions, int remo
   return f;
 }
 
-FrameError error_of(const Film& f, double exposure, int64_t most_pixels, int threads) {
+// `mix` (E, 3), or (0, 3).
+FrameError error_of(const Film& f, double exposure, int64_t most_pixels, int threads, const InArray<double>& mix) {
+  if (mix.ndim() != 2 || mix.shape(1) != size_t(Film::kColors) || (mix.shape(0) != 0 && mix.shape(0) != size_t(f.expressions)))
+    throw Error("invariant", "the weights of a mix are not of the film's light path expressions");
+  MixWeights weights(mix.shape(0));
+  for (size_t i = 0; i < mix.size(); ++i) weights[i / Film::kColors][i % Film::kColors] = mix.data()[i];
   const nb::gil_scoped_release release;
-  return frame_error(f, exposure, most_pixels, threads);
+  return frame_error(f, exposure, most_pixels, threads, weights);
 }
 
 // Returns sums (R, H, W, 4) of R, G, B and coverage.
@@ -220,7 +225,7 @@ void bind_film(nb::module_& m) {
       .def("deep_samples", &deep_samples, nb::arg("exposure"))
       .def_prop_ro("deep_memory_bytes", [](const Film& f) { return f.deep ? f.deep->memory_bytes() : 0; })
       .def_ro("expressions", &Film::expressions)
-      .def("error", &error_of, nb::arg("exposure"), nb::arg("most_pixels"), nb::arg("threads"),
+      .def("error", &error_of, nb::arg("exposure"), nb::arg("most_pixels"), nb::arg("threads"), nb::arg("mix"),
            "Sums over pixels and colours; see film/frame_error.hpp.")
       .def_prop_ro("replicates", &replicates, kNewArray)
       .def_prop_ro(

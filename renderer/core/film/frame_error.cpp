@@ -48,10 +48,22 @@ struct Planes {
   const float* row(int color, int y) const { return const_cast<Planes*>(this)->row(color, y); }
 };
 
+// Estimate of the image with the light of `mix` added.
+PixelEstimate estimate_mix(const Film& film, size_t pixel, double exposure, const MixWeights& mix) {
+  PixelEstimate e = estimate_pixel(film, pixel, exposure);
+  for (size_t k = 0; k < mix.size(); ++k) {
+    if (mix[k] == MixWeights::value_type{}) continue;
+    const PixelEstimate part = estimate_lpe(film, int(k), pixel, exposure);
+    for (int c = 0; c < kColors; ++c)
+      e.mean[c] += mix[k][size_t(c)] * part.mean[c], e.difference[c] += mix[k][size_t(c)] * part.difference[c];
+  }
+  return e;
+}
+
 // One strip of the image, and its share of the sums.
 class Strip {
  public:
-  Strip(const Film& film, double exposure, int number)
+  Strip(const Film& film, double exposure, int number, const MixWeights& mix)
       : film_(film),
         y0_(number * kStrip),
         height_(std::min(kStrip, film.height - y0_)),
@@ -63,7 +75,7 @@ class Strip {
         alike_variance_(width_, height_),
         total_(size_t(width_) * height_),
         measured_(size_t(width_) * height_) {
-    read(exposure);
+    read(exposure, mix);
     pool();
     average();
   }
@@ -78,11 +90,11 @@ class Strip {
   }
 
  private:
-  void read(double exposure) {
+  void read(double exposure, const MixWeights& mix) {
     for (int y = -kHalo; y < height_ + kHalo; ++y) {
       const int from = reflected(y0_ + y, film_.height);
       for (int x = -kHalo; x < width_ + kHalo; ++x) {
-        const PixelEstimate e = estimate_pixel(film_, film_.at(0, reflected(x, width_), from), exposure);
+        const PixelEstimate e = estimate_mix(film_, film_.at(0, reflected(x, width_), from), exposure, mix);
         for (int c = 0; c < kColors; ++c)
           mean_.row(c, y)[x] = float(e.mean[c]), difference_.row(c, y)[x] = float(e.difference[c]);
         if (x >= 0 && x < width_ && y >= 0 && y < height_) measured_[size_t(y) * width_ + x] = e.measured;
@@ -209,7 +221,8 @@ class Strip {
 
 }  // namespace
 
-FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, int threads) {
+FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, int threads, const MixWeights& mix) {
+  PRIMRAY_ASSERT(mix.empty() || mix.size() == size_t(film.expressions));
   const int all_strips = (film.height + kStrip - 1) / kStrip;
   const int64_t wanted = std::max<int64_t>(most_pixels / (int64_t(film.width) * kStrip), 1);
   const int strips = int(std::min<int64_t>(wanted, all_strips));
@@ -219,7 +232,7 @@ FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, i
     const TimeSpan span("measure the error");
     for (int i; (i = next++) < strips;) {
       const int strip = int((2 * int64_t(i) + 1) * all_strips / (2 * strips));
-      parts[size_t(i)] = Strip(film, exposure, strip).sums();
+      parts[size_t(i)] = Strip(film, exposure, strip, mix).sums();
     }
   };
   std::vector<std::thread> pool;

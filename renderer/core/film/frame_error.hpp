@@ -6,6 +6,7 @@
 // and d large, and a fifth of the error is missed. See frame_error.cpp for the method used instead.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "film/film.hpp"
@@ -24,8 +25,12 @@ struct FrameError {
   std::vector<double> tiles;  // share of `relative` in each tile of the rows that were evaluated
 };
 
+// Weights of a mix of lights: for each light path expression of the film, what is added of its light to the image.
+using MixWeights = std::vector<std::array<double, Film::kColors>>;
+
 // Colours are multiplied by `exposure`. About `most_pixels` are evaluated at most, in rows of tiles spread evenly over the
-// image. Rows are distributed over `threads`; the result does not depend on their number.
-FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, int threads);
+// image. Rows are distributed over `threads`; the result does not depend on their number. `mix`: the error is that of the image
+// with that light added; its differences of replicates add up with their signs, so that all covariances are included.
+FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, int threads, const MixWeights& mix = {});
 
 }  // namespace primray

@@ -24,7 +24,7 @@ from ..description import Frame, PixelWindow
 from ..description.picture_file import PLAIN, PictureFile, picture_file_of_json
 from ..errors import CheckpointError
 from ..sampling.adaptive import DOUBLINGS, Plan
-from ..sampling.error import ErrorCurve, ErrorRow, Estimate, FrameError
+from ..sampling.error import ErrorCurve, ErrorRow, Estimate, FrameError, MixError
 from ..sampling.sampling import Sampling
 from ..sampling.schedule import Schedule
 from ..settings import BIAS, MAX_RESOLUTION, MAX_SPP, SAMPLE_BLOCK, Counts, Metric, RenderSettings, rows, settings_as_json
@@ -296,8 +296,16 @@ def _row(row: Mapping[str, Any], tiles: npt.NDArray[np.float64]) -> ErrorRow:
     relmse, rmse = estimates["relmse"], estimates["rmse"]
     if relmse is None or rmse is None:
         raise ValueError
-    error = FrameError(relmse, rmse, tiles, estimates["display"])
+    error = FrameError(relmse, rmse, tiles, estimates["display"], _mix_error(row["error"].get("mix")))
     return ErrorRow(float(row["samples"]), float(row["seconds"]), error, bool(row["anchor"]), bool(row["due"]))
+
+
+def _mix_error(found: Mapping[str, Any] | None) -> MixError | None:
+    if found is None:
+        return None
+    numbers = [[float(found[metric][name]) for name in ("value", "low", "high")] for metric in ("relmse", "rmse")]
+    _require(all(_is_number(number) for estimate in numbers for number in estimate) and int(found["worst"]) >= 0)
+    return MixError(Estimate(*numbers[0]), Estimate(*numbers[1]), int(found["worst"]))
 
 
 def _space_of(values: Mapping[str, Any]) -> ColorSpace:

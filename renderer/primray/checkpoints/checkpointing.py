@@ -133,7 +133,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
     else:
         sampling = checkpoint.resume(prepared.scene, settings, about, held)
     sampling.schedule = replace(sampling.schedule, resumable=True)
-    sampling.judge_by = denoised_target(prepared.scene, settings)
+    sampling.judge_by, sampling.mixes = denoised_target(prepared.scene, settings), prepared.mixes
     return sampling, replace(about, features=list(prepared.scene.features))
 
 

@@ -20,15 +20,20 @@ from ..images.aov import Aov
 from ..images.image import Image, pixels_sha256
 from ..images.light_path_aovs import light_paths_of
 from ..report.report import Costs, header_of, make_report, subject_of, usable_threads
+from ..sampling.mix_weights import mix_weights
 from ..sampling.sampling import Sampling
 from ..sampling.schedule import Schedule
-from ..settings import RenderSettings, settings_as_json, settings_of_json
+from ..settings import RenderSettings, StopAt, settings_as_json, settings_of_json
 from .aov_data import AovData, aovs_of_data, merged_aov_data
 from .checkpoint import Checkpoint, Range, check, compare, contents, gaps, load
 from .checkpoint_file import write_checkpoint
 
 # Diagnostics about the merged samples, which each merge reports again.
 OF_SAMPLES = ("samples-missing", "invalid-samples", "aovs-not-merged", "display-error-unknown", PICTURE_UNFINISHED)
+
+
+# Settings of a picture that stops at no error of a mix of lights.
+NO_MIXES: Mapping[str, Any] = {"stop_at": StopAt.PICTURE, "mixes": ()}
 
 
 @dataclass(frozen=True)
@@ -207,8 +212,11 @@ class MergedParts:
     def settings(self, ending: Mapping[str, Any]) -> RenderSettings:
         """Return the parts' settings, with the stopping rules of `ending`."""
         part = self.held[0]
+        values = {**part.about.settings, **ending, "threads": usable_threads()}
+        if values.get("target_error") is None and values.get("stop_at") == StopAt.MIX.value:
+            values |= NO_MIXES
         try:
-            return settings_of_json({**part.about.settings, **ending, "threads": usable_threads()})
+            return settings_of_json(values)
         except (TypeError, ValueError) as error:
             raise merge_error("its settings come from another version of primray", part.path) from error
 
@@ -221,6 +229,8 @@ class MergedParts:
         sampling = Sampling(
             self._scene, film, self.held[0].splits, schedule, done=done, seconds=seconds, earlier_rays=film.rays
         )
+        held = self.held[0].about.light_paths
+        sampling.mixes = mix_weights(settings, held.requests, held.expressions) if held else mix_weights(settings, (), ())
         sampling.busy_lanes, sampling.shaded_lanes = (sum(part.lanes[i] for part in self.held) for i in range(2))
         return sampling
 

@@ -313,6 +313,7 @@ _CONVERTED: Mapping[str, Callable[[Any], Any]] = {
     "texture_memory_bytes": option_values.texture_bytes_of,
     "texture_cache_bytes": option_values.texture_bytes_of,
     "mask": option_values.mask_of,
+    "mixes": option_values.mixes_of,
 }
 # Settings that two flags set.
 _TWO_FLAGS: Mapping[str, tuple[Callable[[Any, Any], Any], tuple[str, str]]] = {

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from enum import Enum
+from pathlib import Path
 from typing import Any, Literal
 
 from ..aovs import AOVS
@@ -13,6 +15,7 @@ from ..images.encoding import BIT_DEPTHS, Encoding, compression_of
 from ..process_memory import available_bytes
 from ..render.frames import frame_list, names_ends, parse_frames, with_ends
 from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK, check_stops
+from ..settings.light_mixes import checked_weight, text_of_weights
 from .output_targets import suffix_of
 
 _LEAST_MEMORY = 2**20  # a smaller number most likely lacks its unit
@@ -223,6 +226,24 @@ def sample_range_of(text: str | None) -> tuple[int, int] | None:
             code="sample-range",
         )
     return int(match[1]), int(match[2])
+
+
+def mixes_of(texts: Sequence[str]) -> list[str]:
+    """Return mixes of lights as text; files (NAME.json) are reports of `primray relight`, or weights by name."""
+    return [_mix_of_file(text) if text.endswith(".json") else text for text in texts]
+
+
+def _mix_of_file(file: str) -> str:
+    try:
+        says = json.loads(Path(file).read_text(encoding="utf-8"))
+        rows = says["lights"] if isinstance(says.get("lights"), list) else None
+        given = says if rows is None else {row["name"]: row["weight"] for row in rows}
+        return text_of_weights({str(name): checked_weight(str(name), weight) for name, weight in given.items()})
+    except OSError as error:
+        raise SettingsError(f"the mix cannot be read: {error.strerror}", where=file, code="lights-weight") from error
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        sentence = 'a file of a mix is what `primray relight --report` writes, or JSON like {"key": 0.5, "fill": [1, 0.8, 0.6]}'
+        raise SettingsError(sentence, where=file, code="lights-weight") from error
 
 
 def bytes_of(text: str | None) -> int | None:

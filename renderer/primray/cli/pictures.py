@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ..diagnostic_messages import SequenceNotices, print_diagnostics
 from ..errors import SettingsError, UnsupportedError
 from ..images.encoding import Encoding, check_bit_depth, check_half
+from ..settings import StopAt
 from ..time_spans import span
 from .output_targets import TevOutputs, check_standard, is_standard, is_tev, suffix_of, write_standard
 
@@ -341,14 +342,16 @@ def _error_line(report: dict[str, Any]) -> str:
     if any(diagnostic["code"] == "empty-picture" for diagnostic in report["diagnostics"]):
         return f"nothing is visible, so the error is unknown; stopped by {report['stop']['reason']}"
     metric = report["settings"]["error_metric"]
-    found, target = report["error"][metric], report["settings"]["target_error"]
+    found, target, stops_at = report["error"][metric], report["settings"]["target_error"], report["settings"]["stop_at"]
     if found is None:
         return f"no error estimate: {_too_few(report['samples_per_pixel'][0])}; stopped by {report['stop']['reason']}"
     low, high = found["ci95"]
     line = f"{metric} {found['estimate']:.3g} (95 %: {low:.3g} to {high:.3g})"
     if target is not None:
-        what = "target" if report["settings"]["stop_at"] == "picture" else "target of the denoised picture"
+        what = "target of the denoised picture" if stops_at == StopAt.DENOISED.value else "target"
         met = "reached" if report["stop"]["target_met"] else "NOT reached"
+        if stops_at == StopAt.MIX.value:
+            line += f"; {_mix_text(report, metric)}"
         line += f", {what} {target:g} {met}"
     from ..report.vague_error import why_it_continued
 
@@ -356,6 +359,14 @@ def _error_line(report: dict[str, Any]) -> str:
     explained += [why] if (why := why_it_continued(report)) else []
     ruled = "".join(f"\n{sentence}" for sentence in explained)
     return f"{line}; stopped by {report['stop']['reason']}{ruled}{_denoised_text(report.get('denoised'), metric)}"
+
+
+def _mix_text(report: dict[str, Any], metric: str) -> str:
+    """Return the error of the mix of lights that has the largest."""
+    found, mixes = report["error"]["mix"], report["settings"]["mixes"]
+    low, high = found[metric]["ci95"]
+    of = "the mix" if len(mixes) == 1 else f"the worst of {len(mixes)} mixes ({mixes[found['worst']]})"
+    return f"{of}: {found[metric]['estimate']:.3g} (95 %: {low:.3g} to {high:.3g})"
 
 
 def _too_few(samples: int) -> str:

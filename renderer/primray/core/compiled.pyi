@@ -1160,7 +1160,7 @@ class Film:
     def deep_memory_bytes(self) -> int: ...
     @property
     def expressions(self) -> int: ...
-    def error(self, exposure: float, most_pixels: int, threads: int) -> FrameErrorSums:
+    def error(self, exposure: float, most_pixels: int, threads: int, mix: NDArray[numpy.float64]) -> FrameErrorSums:
         """Sums over pixels and colours; see film/frame_error.hpp."""
 
     @property

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Floats
+from ..arrays import Doubles, Floats
 from ..settings import BIAS, RenderSettings
 from . import compiled
 from .native import raise_primray_error
@@ -17,6 +17,7 @@ from .scene import CoreScene
 # Settings that remove sampled light from the picture, by the film's name for the removed light (film/film.hpp, Removal).
 REMOVALS = {"clamped": "clamp_indirect", "caustics": "caustics"}
 TILE = 16  # pixels across; kTile in film.hpp
+NO_MIX = np.zeros((0, 3))
 
 
 class Film:
@@ -158,10 +159,13 @@ class Film:
         """Return everything in the film as arrays, for `Film(scene, state)`."""
         return self._film.state()
 
-    def error_sums(self, most_pixels: int, threads: int) -> compiled.FrameErrorSums:
+    def error_sums(self, most_pixels: int, threads: int, mix: Doubles = NO_MIX) -> compiled.FrameErrorSums:
         """Return the sums that error estimates are made of (film/frame_error.hpp computes them, sampling/error.py uses
-        them)."""
-        return self._film.error(self._exposure_scale, most_pixels, threads)
+        them).
+
+        `mix` (E, 3): what is added of the light of each light path expression; the error is that of the sum.
+        """
+        return self._film.error(self._exposure_scale, most_pixels, threads, np.ascontiguousarray(mix, np.float64))
 
 
 def samples_of_replicates(samples: int) -> tuple[int, int]:

@@ -4,6 +4,7 @@ frame; and whether display views of the picture need alpha."""
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -198,3 +199,26 @@ def _may_be_in_frame(corners: Doubles, camera: Camera) -> bool:
     width = -z if camera.projection is Projection.PERSPECTIVE else np.ones_like(z)
     outside = (z >= 0, x < left * width, x > right * width, y < bottom * width, y > top * width)
     return not any(bool(np.all(plane)) for plane in outside)
+
+
+def without_emission(description: SceneDescription, kept: Collection[str] = ()) -> SceneDescription:
+    """Return the scene with no light of surfaces, shapes, volumes and fog; only shapes that are lights of `kept` paths shine.
+
+    Lights are left as they are. Where such a shape stays, all surfaces keep their emission, which it may shine with.
+    """
+    shapes = tuple(
+        replace(shape, light=None) if shape.light is not None and shape.light.path not in kept else shape
+        for shape in description.shapes
+    )
+    surfaces = description.surfaces
+    if all(shape.light is None for shape in shapes):
+        surfaces = tuple(
+            replace(
+                surface,
+                emissive_color=(0.0, 0.0, 0.0),
+                inputs=tuple(pair for pair in surface.inputs if pair[0] != "emissive_color"),
+            )
+            for surface in surfaces
+        )
+    fog = None if description.fog is None else replace(description.fog, emission=(0.0, 0.0, 0.0))
+    return replace(description, surfaces=surfaces, shapes=shapes, volume_emissions=(), fog=fog)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ..aovs import DEEP
-from ..checkpoints.merge import Merged, MergedParts, merged_parts, picture_of_parts, rules_for_all
+from ..checkpoints.merge import NO_MIXES, Merged, MergedParts, merged_parts, picture_of_parts, rules_for_all
 from ..denoising.denoiser import check_denoiser
 from ..errors import CheckpointError, PrimrayError, RenderCancelled, SettingsError
 from ..report.report import Costs
@@ -326,12 +326,15 @@ def judge_parts(gathering: MergedParts, ending: Mapping[str, Any], curve: ErrorC
     return sampling, sampling.judge()
 
 
-def merge_and_judge(paths: Sequence[Path], spp: int | None, target_error: float, metric: str) -> tuple[Merged, Judgement]:
-    """Merge parts to the first samples of a frame that ends by its error, or by `spp` samples.
+def merge_and_judge(
+    paths: Sequence[Path], spp: int | None, target_error: float, metric: str, mixes: Sequence[str] = ()
+) -> tuple[Merged, Judgement]:
+    """Merge parts to the first samples of a frame that ends by its error, or that of mixes of its lights, or by `spp` samples.
 
     The first file may be the result of an earlier call, whose measurements are kept. CheckpointError as for `merge`.
     """
-    asked = {"spp": spp, "target_error": target_error, "error_metric": metric}
+    asked: dict[str, Any] = {"spp": spp, "target_error": target_error, "error_metric": metric}
+    asked |= {"stop_at": StopAt.MIX.value, "mixes": list(mixes)} if mixes else {}
     costs = Costs()
     with costs.stage("render"):
         gathering = merged_parts(paths)
@@ -353,7 +356,8 @@ def _deciding(curve: ErrorCurve) -> ErrorCurve:
 def _measure(sampling: Sampling, gathering: MergedParts) -> None:
     """Measure the error in every metric, whether or not it decides. The rows remain those of the requested target."""
     schedule = sampling.schedule
-    sampling.schedule = replace(schedule, settings=replace(schedule.settings, **rules_for_all(gathering.ranges)))
+    rules = {**rules_for_all(gathering.ranges), **NO_MIXES}
+    sampling.schedule = replace(schedule, settings=replace(schedule.settings, **rules))
     sampling.run()  # takes no sample
     sampling.schedule = schedule
 
@@ -379,7 +383,7 @@ def check_distributable(asked: RenderSettings) -> None:
 
 def part_settings(asked: RenderSettings, part: Range) -> RenderSettings:
     """Return the settings that one part is rendered with."""
-    return replace(asked, sample_range=part, spp=None, target_error=None, time_limit_s=None, adaptive=None)
+    return replace(asked, sample_range=part, spp=None, target_error=None, time_limit_s=None, adaptive=None, **NO_MIXES)
 
 
 def sample_rules(asked: RenderSettings) -> dict[str, Any]:
@@ -396,4 +400,5 @@ def reported_rules(asked: RenderSettings) -> dict[str, Any]:
 
 def _uniform(asked: RenderSettings) -> dict[str, Any]:
     adaptive = asked.adaptive if asked.target_error is None else False
-    return {"target_error": asked.target_error, "adaptive": adaptive, "sample_range": None}
+    mixes = {"stop_at": asked.stop_at, "mixes": asked.mixes} if asked.mixes else {}
+    return {"target_error": asked.target_error, "adaptive": adaptive, "sample_range": None, **mixes}

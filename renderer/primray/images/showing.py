@@ -82,11 +82,11 @@ def picture_page(
         f'<canvas data-part="canvas" hidden style="{_LAYER}; background: inherit"></canvas>',
     ]
     if relative is not None:
-        hot = _png(heat(reduced(relative[..., None].astype(np.float32))[..., 0].astype(np.float64)))
+        hot = png_source(heat(reduced(relative[..., None].astype(np.float32))[..., 0].astype(np.float64)))
         parts.append(f'<img data-part="heat" src="{hot}" alt="" style="{_LAYER}; opacity: 0; pointer-events: none">')
-    hidden = [("levels", _png(levels)), ("cube", _png(view_cube(view)))]
+    hidden = [("levels", png_source(levels)), ("cube", png_source(view_cube(view)))]
     if alpha is not None:
-        hidden.append(("alpha", _png(np.repeat(np.rint(alpha * 255).astype(np.uint8), 3, axis=2))))
+        hidden.append(("alpha", png_source(np.repeat(np.rint(alpha * 255).astype(np.uint8), 3, axis=2))))
     parts += [f'<img data-part="{name}" src="{source}" alt="" hidden style="display: none">' for name, source in hidden]
     picture = f'<div style="position: relative; display: inline-block; max-width: 100%; line-height: 0">{"".join(parts)}</div>'
     told = " · ".join(escape(figure) for figure in figures)
@@ -135,7 +135,8 @@ def _script() -> str:
     return files(__package__).joinpath("picture.js").read_text(encoding="utf-8")
 
 
-def _png(values: Bytes) -> str:
+def png_source(values: Bytes) -> str:
+    """Return a PNG of 8-bit values (H, W, C) as the source of an image in HTML."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "part.png")
         write_view(np.ascontiguousarray(values), str(path))

@@ -26,7 +26,8 @@ from ..camera import FARTHEST, Camera, Projection, looking_at
 from ..color.color_space import luminance_weights
 from ..errors import SettingsError
 from ..lens.distortion import Distortion, DistortionModel
-from ..render.render import render, with_setting_names
+from ..render.prepare import OpenedStage, open_once
+from ..render.render import rendered_frames, with_setting_names
 from ..sampling.error import Z95
 from ..settings import Filter, RenderSettings, with_values
 from .measuring import measure
@@ -145,16 +146,17 @@ def rate_glare(
     if threshold is not None and not threshold > 0:
         raise SettingsError(f"a threshold is above 0, not {threshold}", where="threshold", code=CODE)
     meter = LightMeter("eye", position, direction)
+    opened = stage if isinstance(stage, OpenedStage) else open_once(stage, settings)
     if up is None:
-        opened = usd.open_stage(stage, Diagnostics(), settings.composition)
-        up = usd.authored_meters(opened, settings.time_code, Diagnostics()).up
-    lit = measure(stage, [meter], replace(settings, spp=None), target=target)
+        up = usd.authored_meters(opened.stage, settings.time_code, Diagnostics()).up
+    lit = measure(opened, [meter], replace(settings, spp=None), target=target)
     assert meter.direction is not None
     place = looking_at(meter.position, np.add(meter.position, meter.direction), up)
     asked = replace(
         settings, camera=_fisheye(place), resolution=(pixels, pixels), aovs=(), denoise=False, adaptive=False, filter=Filter.BOX
     )
-    image = render(stage, replace(asked, spp=SAMPLES if settings.spp is None else settings.spp), progress=False)
+    asked = replace(asked, spp=SAMPLES if settings.spp is None else settings.spp)
+    [image] = rendered_frames(opened, [asked], progress=False)
     return rating_of(image, place, lit.readings[0], threshold)
 
 

@@ -15,7 +15,7 @@ from ..description import SceneDescription
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError
 from ..render.interruption import interruption
-from ..render.prepare import Steps, Textures, prepare
+from ..render.prepare import OpenedStage, Steps, Textures, open_once, prepare
 from ..render.render import with_setting_names
 from ..report.report import Costs
 from ..sampling.sampling import Sampling
@@ -143,9 +143,9 @@ def measure(
     if not 0 < maintenance_factor <= 1:
         raise SettingsError(f"a maintenance factor is above 0, at most 1, not {maintenance_factor}", code=CODE)
     Precision(target)  # checks it before the stage is opened
-    opening, diagnostics, costs = Diagnostics(), Diagnostics(), Costs()
-    with costs.stage("open"):
-        opened = usd.open_stage(stage, opening, settings.composition)
+    found = stage if isinstance(stage, OpenedStage) else open_once(stage, settings)
+    opened, opening, diagnostics, costs = found.stage, found.diagnostics, Diagnostics(), Costs()
+    costs.stages_s["open"] = found.seconds
     authored = usd.authored_meters(opened, settings.time_code, diagnostics)
     given = [_of_prim(one) for one in authored.meters] if meters is None else list(meters)
     meters_of_all = Meters.of(given, authored.meters_per_unit, authored.up)

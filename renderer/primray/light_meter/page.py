@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
+import math
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -14,6 +16,7 @@ from ..version import __version__
 from .readings import Reading
 
 if TYPE_CHECKING:
+    from .luminance import LuminancePicture
     from .measuring import Measurement
 
 # Cividis (Nunez, Anderton, Renslow 2018), which is even in lightness and looks alike with every colour vision, at eighths.
@@ -34,7 +37,7 @@ _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 60em; padding: 0 1em; color: #1a1a1a }
 table { border-collapse: collapse; margin: 1em 0 }
 td, th { padding: .2em .8em; text-align: right; border-bottom: 1px solid #ddd }
-td:first-child, th:first-child { text-align: left } svg { max-width: 100%; height: auto } .unmet { color: #a00 }
+td:first-child, th:first-child { text-align: left } svg, img { max-width: 100%; height: auto } .unmet { color: #a00 }
 svg text { font: 12px system-ui, sans-serif } @media print { body { margin: 0 } tr, svg { break-inside: avoid } }
 """
 _CELL = 56  # pixels of a point of a grid
@@ -63,8 +66,8 @@ def as_csv(found: Measurement) -> str:
     return text.getvalue()
 
 
-def as_page(found: Measurement, stage: str) -> str:
-    """Return a page of its own (HTML, no scripts) with the readings, and each grid in false colours."""
+def as_page(found: Measurement, stage: str, pictures: Sequence[LuminancePicture] = ()) -> str:
+    """Return a page of its own (HTML, no scripts) with the readings, each grid in false colours, and pictures of luminance."""
     report, shares = found.report, found.is_daylight_factor
     what = "Daylight factors under the CIE overcast sky" if shares else "Illuminance"
     told = "All 95 % intervals hold together" if report["intervals"] == "simultaneous" else "Each value has its 95 % interval"
@@ -84,6 +87,7 @@ def as_page(found: Measurement, stage: str) -> str:
             f"<tr><td>{shown(grid.mean, shares)}<td>{shown(grid.least, shares)}<td>{shown(grid.most, shares)}"
             f"<td>{grid.uniformity[0]:.3f} ({low:.3f} to {high:.3f})</tr></table>{_false_colors(own, shares)}"
         )
+    parts += [_luminance(picture) for picture in pictures]
     parts.append("<h2>All meters</h2><table><tr><th>meter<th>x<th>y<th>z<th>reading</tr>")
     for reading in found.readings:
         x, y, z = reading.meter.position
@@ -122,7 +126,46 @@ def _false_colors(readings: list[Reading], shares: bool) -> str:
     return f"<svg {size} role=img aria-label='grid in false colours'>{''.join(cells)}</svg>{caption}"
 
 
-def _color(share: float) -> str:
+def _luminance(picture: LuminancePicture) -> str:
+    """Return a camera's picture in false colours, by the logarithm of luminance, with its legend."""
+    from ..images.showing import png_source
+
+    low, high = picture.scale
+    span = math.log10(high / low)
+    shares = np.clip(np.log10(np.maximum(picture.luminance, low) / low) / span, 0, 1)
+    pixels = np.rint(colors_of(shares)).astype(np.uint8)
+    value, least, most = picture.mean
+    return (
+        f"<h2>Luminance from {escape(picture.camera)}</h2>"
+        f"<p><img src='{png_source(pixels)}' width={pixels.shape[1]} height={pixels.shape[0]} alt='luminance in false colours'>"
+        f"{_legend(low, high)}</p><p>Mean {value:.4g} cd/m2 ({least:.4g} to {most:.4g}); the darkest colour is {low:.3g} cd/m2 "
+        f"and less, the brightest {high:.3g} cd/m2 and more; {float(picture.luminance.max()):.4g} cd/m2 at most.</p>"
+    )
+
+
+def _legend(low: float, high: float) -> str:
+    """Return a bar of the scale's colours, with 1, 2 and 5 of each decade in cd/m2."""
+    span, width, height = math.log10(high / low), 480, 16
+    steps = "".join(f"<rect x={x} width=4 height={height} fill='rgb({_color((x + 2) / width)})'/>" for x in range(0, width, 4))
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    ticks = [
+        m * 10.0**k for k in decades for m in ((1, 2, 5) if span <= 3 else (1,)) if low <= m * 10.0**k * 1.0001 <= high * 1.001
+    ]
+    words = "".join(
+        f"<text x={min(max(width * math.log10(tick / low) / span, 8), width - 8):.1f} y={height + 14} text-anchor=middle>"
+        f"{tick:.4g}</text>"
+        for tick in ticks
+    )
+    size = f"width={width + 50} height={height + 20} viewBox='0 0 {width + 50} {height + 20}'"
+    unit = f"<text x={width + 6} y={height + 14}>cd/m2</text>"
+    return f"<br><svg {size} role=img aria-label='legend in cd/m2'>{steps}{words}{unit}</svg>"
+
+
+def colors_of(shares: Doubles) -> Doubles:
+    """Return the colours (..., 3), 0 to 255, of shares of the scale."""
     at = np.linspace(0, 1, len(_COLORS))
-    rgb: Doubles = np.array([np.interp(share, at, _COLORS[:, c]) for c in range(3)])
-    return ",".join(str(round(float(c))) for c in rgb)
+    return np.stack([np.interp(shares, at, _COLORS[:, c]) for c in range(3)], axis=-1)
+
+
+def _color(share: float) -> str:
+    return ",".join(str(round(float(c))) for c in colors_of(np.array(share)))

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..description import Light, LightType, SceneDescription, TextureFile
+from ..description.scene import without_emission
 from ..textures.texture import Texture
 
 ROWS = 1024
@@ -31,17 +32,5 @@ def under_overcast_sky(description: SceneDescription) -> tuple[SceneDescription,
         turned[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
     file = TextureFile(NAME, "raw")
     sky = Light(NAME, LightType.DOME, turned, (1.0, 1.0, 1.0), texture=file)
-    surfaces = tuple(
-        replace(
-            surface,
-            emissive_color=(0.0, 0.0, 0.0),
-            inputs=tuple(pair for pair in surface.inputs if pair[0] != "emissive_color"),
-        )
-        for surface in description.surfaces
-    )
-    shapes = tuple(
-        replace(shape, light=None) if getattr(shape, "light", None) is not None else shape for shape in description.shapes
-    )
-    fog = None if description.fog is None else replace(description.fog, emission=(0.0, 0.0, 0.0))
-    dark = replace(description, lights=(sky,), surfaces=surfaces, shapes=shapes, volume_emissions=(), fog=fog)
+    dark = replace(without_emission(description), lights=(sky,))
     return replace(dark, may_need_light=False), {file: [(0, Texture(overcast_sky()))]}

@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -28,8 +28,8 @@ from ..images.exr_parts import LIGHTS_OF_PART
 from ..images.image import Image
 from ..images.reading import read_image
 from ..sampling.error import Estimate
+from ..settings.light_mixes import Weight, checked_weight
 
-Weight = float | Sequence[float]
 STORED_APART = 2.0**-9  # parts and picture may be stored with other precisions: halves have 11 bits
 
 
@@ -132,6 +132,22 @@ class LightMix:
             foreground=None,
         )
 
+    def with_part(self, part: LightPart, told: Mapping[str, float]) -> LightMix:
+        """Return the mix with another part in place of that of the same name, and `told` in the header of its picture."""
+        parts = tuple(part if one.name == part.name else one for one in self.parts)
+        light = np.sum([one.light for one in parts], axis=0) + self._apart
+        difference = np.sum([one.difference for one in parts], axis=0)
+        name = f"{LIGHTS}.{part.name}"
+        aov = replace(self.image.aovs[name], values=part.light, differences=part.difference.astype(np.float32))
+        image = replace(
+            self.image,
+            pixels=np.concatenate([light.astype(np.float32), self.image.pixels[..., 3:]], axis=2),
+            errors=np.where(np.isnan(difference), np.inf, np.abs(difference)).astype(np.float32),
+            aovs={**self.image.aovs, name: aov},
+            metadata={**self.image.metadata, **{f"relight.{key}": value for key, value in told.items()}},
+        )
+        return LightMix(image, parts)
+
     @cached_property
     def _apart(self) -> Doubles:
         """What the picture holds and no part does, such as a back plate: it stays as it is."""
@@ -148,14 +164,6 @@ class LightMix:
         """Return the share of the picture's light, by the sum of its channels, that a part holds."""
         total = float(sum(one.light.sum() for one in self.parts))
         return float(part.light.sum()) / total if total > 0 else 0.0
-
-
-def checked_weight(name: str, weight: Weight) -> tuple[float, float, float]:
-    values = [float(w) for w in weight] if isinstance(weight, Sequence) else [float(weight)] * 3
-    if len(values) != 3 or not all(math.isfinite(w) and w >= 0 for w in values):
-        sentence = f"the weight of a light is one factor from 0, or three for R, G and B, not {weight!r}"
-        raise SettingsError(sentence, where=name, code="lights-weight")
-    return values[0], values[1], values[2]
 
 
 def relative_error(light: Doubles, difference: Doubles) -> Estimate | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePosixPath
 
@@ -36,26 +36,29 @@ def with_lights_apart(description: SceneDescription, diagnostics: Diagnostics) -
         )
         diagnostics.add("light-parts", "", message)
         labels = dict(list(labels.items())[: max(most, 0)])
-    asked = next(request for request in description.aovs if request.source == LIGHTS)
-    made = tuple(_requests(labels, asked))
-    aovs = tuple(one for request in description.aovs for one in (made if request.source == LIGHTS else (request,)))
+    asked = [request for request in description.aovs if request.source == LIGHTS]
+    made = tuple(_requests(labels, asked[0]))
+    aovs = tuple(one for request in description.aovs if request not in asked[1:] for one in _replaced(request, made))
     return replace(
         description,
         aovs=aovs,
         lights_apart=tuple(labels),
-        file=with_parts(description.file, [request.name for request in made]),
+        file=with_parts(description.file, {request.name for request in asked}, [request.name for request in made]),
     )
 
 
-def with_parts(file: PictureFile, names: Sequence[str]) -> PictureFile:
-    """Return a product's file with the parts of these names in place of `lights`."""
+def _replaced(request: AovRequest, made: tuple[AovRequest, ...]) -> tuple[AovRequest, ...]:
+    return made if request.source == LIGHTS else (request,)
+
+
+def with_parts(file: PictureFile, asked: Collection[str], names: Sequence[str]) -> PictureFile:
+    """Return a product's file with the parts of these names in place of those that were asked for."""
     contents = file.contents
     if contents is not None:
-        of_lights = [(name, name) for name in names]
-        contents = replace(
-            contents, parts=tuple(p for own, key in contents.parts for p in (of_lights if key == LIGHTS else [(own, key)]))
-        )
-    return replace(file, contents=contents, products=tuple((path, with_parts(one, names)) for path, one in file.products))
+        parts = [p for own, key in contents.parts for p in ([(n, n) for n in names] if key in asked else [(own, key)])]
+        contents = replace(contents, parts=tuple(dict.fromkeys(parts)))
+    products = tuple((path, with_parts(one, asked, names)) for path, one in file.products)
+    return replace(file, contents=contents, products=products)
 
 
 def _lights_of(description: SceneDescription) -> Iterable[Light]:

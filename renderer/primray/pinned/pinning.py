@@ -192,7 +192,7 @@ def _sampled(prepared: Prepared, passes: list[Pass], progress: Progress) -> Samp
     from ..denoising.denoised import denoised_target
 
     sampling = Sampling.begin(prepared.scene, prepared.settings)
-    sampling.judge_by = denoised_target(prepared.scene, prepared.settings)
+    sampling.judge_by, sampling.mixes = denoised_target(prepared.scene, prepared.settings), prepared.mixes
 
     def note() -> None:
         tiles = "".join(digest[:SHORT] for digest in hashes_of_tiles(sampling.film.image()[0]))

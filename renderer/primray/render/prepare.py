@@ -16,15 +16,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from .. import process_memory
-from ..aovs import LIGHTS, AovRequest, aov_bytes, shows_things, taxonomy_of
+from ..aovs import LIGHTS, AovRequest, aov_bytes, light_paths_of, shows_things, taxonomy_of
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError, UnsupportedError, did_you_mean
 from ..process_memory import without_collection
 from ..report.prepared import Prepared
-from ..settings import STAGING, DefaultWrap, Ground, Metric, RenderSettings
+from ..settings import STAGING, DefaultWrap, Ground, Metric, RenderSettings, StopAt
 from ..settings.stage_settings import StageSettings
 
 if TYPE_CHECKING:
+    from ..arrays import Doubles
     from ..color.color_space import ColorSpace
     from ..core import CoreScene
     from ..core.surface_upload import KeptImages
@@ -134,6 +135,7 @@ def _prepare(
     with costs.stage("build"):
         description = steps.add_missing_light(description, textures, settings, diagnostics)
     description, file = _with_lights_apart(description, file, diagnostics)
+    mixes = _mix_weights(settings, description.aovs)
     digests = steps.fingerprint(description, textures) if fingerprinted else {}
     with costs.stage("dice"):
         looked_at = description
@@ -195,7 +197,7 @@ def _prepare(
         motion=motion,
         left_out=left_out,
     )
-    prepared = replace(prepared, asked=asked)
+    prepared = replace(prepared, asked=asked, mixes=mixes)
     if file != PLAIN or is_lit_behind(description):
         prepared = replace(prepared, file=replace(file, lit_behind=is_lit_behind(description)))
     hidden = (
@@ -237,9 +239,19 @@ def _with_lights_apart(
         return description, file
     from ..light_mix.parts import with_lights_apart, with_parts
 
-    before = {request.name for request in description.aovs}
+    before = {request.name: request for request in description.aovs}
+    asked = {name for name, request in before.items() if request.source == LIGHTS}
     description = with_lights_apart(description, diagnostics)
-    return description, with_parts(file, [request.name for request in description.aovs if request.name not in before])
+    made = [request.name for request in description.aovs if request != before.get(request.name)]
+    return description, with_parts(file, asked, made)
+
+
+def _mix_weights(settings: RenderSettings, requests: Sequence[AovRequest]) -> Doubles | None:
+    if settings.stop_at is not StopAt.MIX:
+        return None
+    from ..sampling.mix_weights import mix_weights
+
+    return mix_weights(settings, requests, light_paths_of(requests))
 
 
 def _require_something_to_render(diagnostics: Diagnostics, settings: RenderSettings) -> None:

@@ -215,6 +215,7 @@ def render_opened(
             sampling = Sampling.begin(prepared.scene, prepared.settings)
             sampling.measures_at_end = measures_error
             sampling.judge_by = denoised_target(prepared.scene, prepared.settings)
+            sampling.mixes = prepared.mixes
             run_with_saving(sampling, watched, savings)
         else:
             sampling, saved = checkpointing.run(prepared, list(diagnostics), watched, savings)

@@ -10,6 +10,7 @@ from ..settings.stage_settings import NOTHING_ASKED, StageSettings
 
 if TYPE_CHECKING:
     from ..aovs import AovRequest
+    from ..arrays import Doubles
     from ..core import CoreScene
     from ..description import Camera, Frame
     from ..description.picture_file import PictureFile
@@ -41,3 +42,4 @@ class Prepared:
     ground_shadow: GroundShadow | None = None  # set if a ground shows only its shadow
     file: PictureFile | None = None  # EXR settings of the stage's product
     asked: StageSettings = NOTHING_ASKED  # the stage's own render settings
+    mixes: Doubles | None = None  # (M, E, 3) of lights, whose error the target applies to (sampling/mix_weights.py)

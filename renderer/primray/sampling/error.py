@@ -10,6 +10,7 @@ The curve of measurements over samples gives the rate at which the error falls, 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -73,15 +74,31 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class MixError:
+    """The largest error of several mixes of lights; `worst`: which of them has the largest relMSE."""
+
+    relmse: Estimate
+    rmse: Estimate
+    worst: int
+
+    def as_json(self) -> dict[str, Any]:
+        return {Metric.RELMSE.value: self.relmse.as_json(), Metric.RMSE.value: self.rmse.as_json(), "worst": self.worst}
+
+
+@dataclass(frozen=True)
 class FrameError:
     """Errors of a frame in each metric."""
 
     relmse: Estimate
     rmse: Estimate
-    tiles: Doubles  # each tile's contribution to relMSE
+    tiles: Doubles  # each tile's contribution to relMSE, of the worst mix where mixes of lights decide
     display: Estimate | None = None  # measured only if requested
+    mix: MixError | None = None  # of the mixes of lights that a target applies to
 
     def of(self, metric: Metric) -> Estimate:
+        """Return the error that a target applies to."""
+        if self.mix is not None:
+            return self.mix.rmse if metric is Metric.RMSE else self.mix.relmse
         found = {Metric.RELMSE: self.relmse, Metric.RMSE: self.rmse, Metric.DISPLAY: self.display}[metric]
         assert found is not None
         return found
@@ -89,7 +106,8 @@ class FrameError:
     def as_json(self) -> dict[str, Any]:
         """Return estimates by metric; None for the display metric if its view cannot be made."""
         shown = None if self.display is None else self.display.as_json()
-        return {Metric.RELMSE.value: self.relmse.as_json(), Metric.RMSE.value: self.rmse.as_json(), Metric.DISPLAY.value: shown}
+        found = {Metric.RELMSE.value: self.relmse.as_json(), Metric.RMSE.value: self.rmse.as_json()}
+        return found | {Metric.DISPLAY.value: shown} | ({} if self.mix is None else {"mix": self.mix.as_json()})
 
 
 def is_measurable(film: Film) -> bool:
@@ -97,22 +115,42 @@ def is_measurable(film: Film) -> bool:
     return film.samples_per_pixel[0] >= 2
 
 
-def measure(film: Film, threads: int, view: DisplayView | None = None, most_pixels: int = ALL_PIXELS) -> FrameError | None:
+def measure(
+    film: Film,
+    threads: int,
+    view: DisplayView | None = None,
+    most_pixels: int = ALL_PIXELS,
+    mixes: Doubles | None = None,
+) -> FrameError | None:
     """Return the error of the film's picture, or of part of it; None if a pixel lacks samples in one replicate.
 
-    `view` requests the error on a display too.
+    `view` requests the error on a display too, `mixes` (M, E, 3) the largest of these mixes (mix_weights.py).
     """
     if not is_measurable(film):
         return None
     sums = film.error_sums(most_pixels, threads)
     if sums.values == 0:
         return None
+    mix, ruling = (None, sums) if mixes is None else _of_mixes([film.error_sums(most_pixels, threads, mix) for mix in mixes])
     return FrameError(
         relmse=_relmse(sums),
-        rmse=_mean_square(sums.squared, sums.squared_variance, sums.values).root(),
-        tiles=sums.tiles / sums.values,
+        rmse=_rmse(sums),
+        tiles=ruling.tiles / sums.values,
         display=None if view is None else _display(film, view),
+        mix=mix,
     )
+
+
+def _of_mixes(sums: Sequence[compiled.FrameErrorSums]) -> tuple[MixError, compiled.FrameErrorSums]:
+    """Return the largest errors, and the sums of the mix with the largest relMSE."""
+    of_all = [_relmse(one) for one in sums]
+    worst = max(range(len(sums)), key=lambda k: of_all[k].value)
+    rmse = max((_rmse(one) for one in sums), key=lambda estimate: estimate.value)
+    return MixError(of_all[worst], rmse, worst), sums[worst]
+
+
+def _rmse(sums: compiled.FrameErrorSums) -> Estimate:
+    return _mean_square(sums.squared, sums.squared_variance, sums.values).root()
 
 
 def _relmse(sums: compiled.FrameErrorSums) -> Estimate:
@@ -206,7 +244,8 @@ class ErrorRow:
 
     def as_json(self) -> dict[str, Any]:
         found = {"samples": self.samples, "seconds": self.seconds, "relmse": self.error.relmse.value}
-        return found | {"ci95": [self.error.relmse.low, self.error.relmse.high], "rmse": self.error.rmse.value}
+        found |= {"ci95": [self.error.relmse.low, self.error.relmse.high], "rmse": self.error.rmse.value}
+        return found | ({} if self.error.mix is None else {"mix": self.error.mix.as_json()})
 
 
 def is_reliable(row: ErrorRow, metric: Metric) -> bool:

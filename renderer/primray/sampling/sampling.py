@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
+from ..arrays import Doubles
 from ..errors import SettingsError
 from ..settings import SAMPLE_BLOCK, Metric, RenderSettings
 from ..time_spans import count, span
@@ -60,6 +61,7 @@ class Sampling:
     stop: Stop | None = None
     most_fraction: float = 0.0
     judge_by: Judge | None = None
+    mixes: Doubles | None = None  # (M, E, 3) of lights, whose largest error a target applies to (mix_weights.py)
     measures_at_end: bool = True  # for the report; what stops the render is measured whatever this says
     view_fault: str = ""  # why the display error, which is measured wherever a view exists, is missing
     _view: DisplayView | None = None
@@ -216,7 +218,7 @@ class Sampling:
         start = time.perf_counter()
         with span("measure"):
             view = self._display_view() if shown and is_measurable(self.film) else None
-            error = measure(self.film, core.threads(self.settings), view, most_pixels)
+            error = measure(self.film, core.threads(self.settings), view, most_pixels, self.mixes)
         self.seconds += time.perf_counter() - start
         return error
 

@@ -62,8 +62,8 @@ class Schedule:
 
     @property
     def target_error(self) -> float | None:
-        """Target for the picture itself; a target for its denoised form is left to a `Judge`."""
-        return self.settings.target_error if self.settings.stop_at is StopAt.PICTURE else None
+        """Target for the picture itself, or a mix of its lights; a target for its denoised form is left to a `Judge`."""
+        return None if self.settings.stop_at is StopAt.DENOISED else self.settings.target_error
 
     @property
     def first(self) -> int:

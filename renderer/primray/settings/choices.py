@@ -33,7 +33,7 @@ class Metric(Enum):
 
 
 class StopAt(Enum):
-    """Which error a target applies to: the picture's, or the denoised picture's.
+    """Which error a target applies to: the picture's, the denoised picture's, or that of mixes of its lights.
 
     >>> primray.RenderSettings(target_error=0.01, stop_at="denoised").denoises
     True
@@ -41,6 +41,7 @@ class StopAt(Enum):
 
     PICTURE = "picture"
     DENOISED = "denoised"
+    MIX = "mix"
 
 
 class DefaultWrap(Enum):

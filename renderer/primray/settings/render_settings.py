@@ -39,6 +39,7 @@ from .choices import (
     limit_pixels,
     require,
 )
+from .light_mixes import check_mixes
 from .setting import (
     DRAWING,
     LARGEST_NUMBER,
@@ -347,10 +348,28 @@ class RenderSettings:
         choice(StopAt),
         flag=Flag(
             ("--stop-at",),
-            "Picture that --target-error applies to; denoised implies --denoise and needs relmse or rmse.",
+            "Picture that --target-error applies to; denoised implies --denoise, mix needs --mix; both relmse or rmse.",
             commands=PICTURES,
         ),
-        member=Member("The picture that stop.target_error applies to; a denoised one's metric is relmse or rmse."),
+        member=Member("The picture that stop.target_error applies to; of a denoised one or a mix in relmse or rmse."),
+    )
+    # Mixes of the lights, of which the one with the largest error meets the target; "key=0.5 fill=1,0.8,0.6".
+    mixes: tuple[str, ...] = setting(
+        (),
+        texts,
+        check=check_mixes,
+        counts=Counts.PIXELS,
+        seldom=True,
+        sampling=True,
+        flag=Flag(
+            ("--mix",),
+            "With --stop-at mix: weights of lights, 'key=0.5 fill=1,0.8,0.6', or the --report of `primray relight`; may be "
+            "repeated: the worst counts.",
+            metavar="WEIGHTS",
+            shown=False,
+            commands=PICTURES,
+        ),
+        member=Member("With stop_at mix: weights of lights, such as key=0.5 fill=1,0.8,0.6; the worst counts.", items=(0, 16)),
     )
     # More samples where the error is large; None: if there is a target error.
     adaptive: bool | None = setting(
@@ -1059,7 +1078,7 @@ class RenderSettings:
     def adapts(self) -> bool:
         if self.adaptive is not None:
             return self.adaptive
-        return self.target_error is not None and self.sample_range is None and self.stop_at is StopAt.PICTURE
+        return self.target_error is not None and self.sample_range is None and self.stop_at is not StopAt.DENOISED
 
     @property
     def denoises(self) -> bool:
@@ -1110,6 +1129,12 @@ class RenderSettings:
         if self.stop_at is StopAt.DENOISED:
             known = self.error_metric is not Metric.DISPLAY
             require(known, "the error of a denoised picture is measured as relmse or rmse, not on a display", "stop_at")
+        if self.stop_at is StopAt.MIX:
+            known = self.error_metric is not Metric.DISPLAY
+            require(known, "the error of a mix of lights is measured as relmse or rmse, not on a display", "stop_at")
+            require(self.target_error is not None, "stop_at mix needs target_error, the error of the mix to stop at", "stop_at")
+        sentence = "mixes and stop_at mix go together: weights of lights, and the error of the picture with them to stop at"
+        require((self.stop_at is StopAt.MIX) == bool(self.mixes), sentence, "mixes")
         if self.sample_range is not None:
             self._check_range(*self.sample_range)
         self.composition  # noqa: B018 - checks itself

@@ -44,7 +44,8 @@ class SettingsValues(TypedDict, total=False):
     error_metric: Metric | Literal["relmse", "rmse", "display"] | None
     time_limit_s: float | None
     denoise: bool | None
-    stop_at: StopAt | Literal["picture", "denoised"]
+    stop_at: StopAt | Literal["picture", "denoised", "mix"]
+    mixes: Iterable[str]
     adaptive: bool | None
     sample_range: Iterable[int] | None
     max_depth: int | None

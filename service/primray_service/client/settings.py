@@ -45,7 +45,7 @@ class Settings(TypedDict, total=False):
     background: str | None
     default_wrap: Literal["black", "clamp", "repeat", "mirror"]
     denoise: bool | None
-    stop_at: Literal["picture", "denoised"]
+    stop_at: Literal["picture", "denoised", "mix"]
     render_context: Literal["mtlx", "universal"]
     translated_shaders: bool
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None
@@ -82,3 +82,4 @@ class Settings(TypedDict, total=False):
         ]
         | None
     )
+    mixes: list[str]

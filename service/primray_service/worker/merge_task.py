@@ -43,7 +43,8 @@ def _merged(paths: list[Path], command: Mapping[str, Any]) -> tuple[Merged, dict
     """Return the merged film, and the measured error if one was requested."""
     if command["target"] is None:
         return merge(paths), None
-    merged, found = merge_and_judge(paths, command["most"], float(command["target"]), str(command["metric"]))
+    asked = (command["most"], float(command["target"]), str(command["metric"]), command.get("mixes", ()))
+    merged, found = merge_and_judge(paths, *asked)
     is_met = found.stop is not None and found.stop.reason == "target-error"
     return merged, {"target_met": is_met, "goal": found.goal, "expected": found.expected}
 
@@ -61,8 +62,8 @@ def _send_preview(merged: Merged, samples: int, background: str | None, out: Pat
 
 
 def _error_of(errors: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the error in the requested metric, in the form of progress messages."""
-    found = errors.get(command["metric"])
+    """Return the error that a target applies to, in the requested metric, in the form of progress messages."""
+    found = (errors.get("mix") or errors).get(command["metric"])
     if not found or not _is_known(found["ci95"]):
         return None
     error = {"metric": command["metric"], "estimate": found["estimate"], "ci95": found["ci95"], "target": command.get("target")}

@@ -33,6 +33,8 @@ VARIABLES = {
     "N": 'string sourceName = "N"\n token dataType = "normal3f"',
     "light": 'string sourceName = "C.*[LO]"\n token sourceType = "lpe"\n token dataType = "color4f"',
     "key": 'string sourceName = "C<RD>L"\n token sourceType = "lpe"',
+    "apart": 'string sourceName = "lights"',
+    "halves": 'string sourceName = "lights"\n token dataType = "half3"',
     "nothing": 'string sourceName = "unheard_of"',
 }
 
@@ -87,6 +89,10 @@ def rendered(*flags: str) -> int:
 
 
 RGBA, STDERR = ("R", "G", "B", "A"), ("stderr.R", "stderr.G", "stderr.B")
+LIGHTS_APART = {
+    f"lights.{name}": tuple(f"lights.{name}.{channel}" for channel in ("R", "G", "B", *(f"difference.{c}" for c in "RGB")))
+    for name in ("sky", "rest")
+}
 Z, N = {"z": ("z",)}, {"N": ("N.X", "N.Y", "N.Z")}
 
 
@@ -102,6 +108,8 @@ Z, N = {"z": ("z",)}, {"N": ("N.X", "N.Y", "N.Z")}
         ("noise", [], {"rgba": STDERR}),
         ("N z", [], N | Z),
         ("z rgb", [], {"rgba": RGBA[:3], **Z}),
+        ("rgba apart z", [], {"rgba": RGBA, **LIGHTS_APART, **Z}),
+        ("rgba apart halves", [], {"rgba": RGBA, **LIGHTS_APART}),
         ("nothing", [], {"rgba": RGBA}),
         ("N", ["--record"], {"rgba": RGBA + STDERR} | N),
         ("N", ["--aov", "depth"], {"rgba": RGBA, "depth": ("Z",)}),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 
-from primray import LightMeter, MeterGrid, PrimrayError, measure
+from primray import LightMeter, MeterGrid, PrimrayError, RenderSettings, measure
 from primray.cli import run
 
 UP = LightMeter("up", (0.0, 0.0, 0.0))
@@ -275,3 +275,40 @@ def test_no_light_is_told() -> None:
     assert [one["code"] for one in found.report["diagnostics"]].count("dark-light-meter") == 1
     with pytest.raises(PrimrayError, match="three finite numbers"):
         LightMeter("bad", (0.0, float("nan"), 0.0))
+
+
+def test_the_page_has_luminance_as_cameras_see_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stage = lit_room()
+    for name, place in (("near", 0.0), ("far", 1.5)):
+        camera = UsdGeom.Camera.Define(stage, f"/{name}")
+        camera.AddTranslateOp().Set(Gf.Vec3d(0, 1, place))
+    path, page = tmp_path / "room.usda", tmp_path / "room.html"
+    stage.GetRootLayer().Export(str(path))
+    asked = ["measure", str(path), "--at", "0,0,0", "--target", "0.5", "-o", str(page)]
+    assert run([*asked, "--luminance", "all"]) == 0
+    text = page.read_text()
+    assert text.count("<h2>Luminance from") == 2
+    assert text.count("legend in cd/m2") == 2
+    assert "/near" in text
+    assert "/far" in text
+    assert text.count("data:image/png;base64,") == 2
+    assert run([*asked, "--luminance", "/nowhere"]) == 2
+    assert "the stage has /near, /far" in capsys.readouterr().err
+    assert run([*asked[:-2], "--luminance", "all"]) == 2
+
+
+def test_luminance_is_that_of_the_walls() -> None:
+    """A camera in a closed white sphere that glows sees its radiance everywhere, whatever it looks at."""
+    from primray.light_meter.luminance import luminance_pictures
+
+    stage = new_stage()
+    UsdGeom.Camera.Define(stage, "/cam")
+    UsdLux.DomeLight.Define(stage, "/sky").CreateIntensityAttr(250.0)
+    [picture] = luminance_pictures(stage, ["all"], RenderSettings(resolution=(32, 18), spp=4))
+    assert np.allclose(picture.luminance, 250, rtol=1e-5)
+    value, low, high = picture.mean
+    assert low <= 250.001
+    assert high >= 249.999
+    assert value == pytest.approx(250)
+    least, most = picture.scale
+    assert least <= 250 <= most

@@ -30,6 +30,7 @@ ITS_OWN = {
     *(("sheet", name) for name in ("--output", "--camera", "--variant", "--ray")),
     ("lidar", "--output"),
     ("lidar", "--report"),
+    ("relight", "--mix"),
 }
 
 

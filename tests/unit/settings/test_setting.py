@@ -77,6 +77,7 @@ NONSENSE: dict[str, list[Any]] = {
     "time_limit_s": ["1 h", -1],
     "denoise": ["yes", 1],
     "stop_at": ["noisy", None, 1],
+    "mixes": ["key=1", ["key"], ["key=-1"], ["key=1,2"], [3], None],
     "adaptive": ["yes", 1],
     "sample_range": ["0:4", (1, 4), (0,)],
     "max_depth": [0, "deep"],

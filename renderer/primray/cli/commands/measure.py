@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ from ...settings import RenderSettings
 from ..flags import in_order, setting_values
 
 if TYPE_CHECKING:
+    from ...light_meter.luminance import LuminancePicture
     from ...light_meter.measuring import Measurement
     from ...light_meter.meters import LightMeter, MeterGrid, Vector
 
@@ -85,6 +87,16 @@ def measure(
             show_default="none",
         ),
     ] = None,
+    luminance: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--luminance",
+            metavar="CAMERA",
+            help="Add a false-colour picture of luminance (cd/m2) as a camera sees it to the page of -o NAME.html; all: of all "
+            "cameras; may be repeated.",
+            show_default="none",
+        ),
+    ] = None,
     frame: Annotated[
         float | None, typer.Option("--frame", metavar="T", help="Time code.", show_default="the stage's default time")
     ] = None,
@@ -107,6 +119,7 @@ def measure(
     from ...images.image import write_text
     from ...images.output_path import check_folder
     from ...light_meter.measuring import measure as measured
+    from ...render.prepare import open_once
     from ..console import dumps, print_line
 
     for path in outputs or ():
@@ -128,11 +141,20 @@ def measure(
         "purposes": purposes,
     }
     settings = RenderSettings(**setting_values(flags), time_code=frame)
+    if luminance and not any(Path(path).suffix.lower() == ".html" for path in outputs or ()):
+        sentence = "pictures of luminance are on the page: write it with -o NAME.html"
+        raise SettingsError(sentence, where="--luminance", code=CODE)
     if glare:
         _rate_glare(scene, given, settings, target, outputs or [], json=json)
         return
+    opened = open_once(scene, settings)
+    pictures = []
+    if luminance:
+        from ...light_meter.luminance import luminance_pictures
+
+        pictures = luminance_pictures(opened, luminance, replace(settings, spp=None, time_limit_s=None))
     found = measured(
-        scene,
+        opened,
         given,
         settings,
         target=target,
@@ -144,7 +166,7 @@ def measure(
     print_diagnostics(found.report["diagnostics"], verbose=verbose)
     facts = {"stage": scene, **found.as_json()}
     for path in outputs or ():
-        write_text(Path(path), _text_of(found, facts, Path(path).suffix.lower(), dumps))
+        write_text(Path(path), _text_of(found, facts, pictures, Path(path).suffix.lower(), dumps))
     if json:
         print_line(facts)
     else:
@@ -190,6 +212,7 @@ def _rate_glare(
     from ...images.image import write_text
     from ...light_meter.glare import rate_glare
     from ...light_meter.meters import LightMeter
+    from ...render.prepare import open_once
     from ..console import dumps, print_line
 
     eyes = [one for one in given or () if isinstance(one, LightMeter) and one.direction is not None]
@@ -198,10 +221,10 @@ def _rate_glare(
     for path in outputs:
         if Path(path).suffix.lower() != ".json":
             raise SettingsError(f"ratings of glare are written as .json, not {path}", where=path, code=CODE)
-    rows = []
+    rows, opened = [], open_once(scene, settings)
     for eye in eyes:
         assert eye.direction is not None
-        found = rate_glare(scene, eye.position, eye.direction, settings, target=target)
+        found = rate_glare(opened, eye.position, eye.direction, settings, target=target)
         rows.append({"name": eye.name, **found.as_json()})
         if json:
             continue
@@ -232,12 +255,12 @@ def _vector(text: str, flag: str) -> Vector:
     return (x, y, z)
 
 
-def _text_of(found: Measurement, facts: dict[str, Any], suffix: str, dumps: Any) -> str:
+def _text_of(found: Measurement, facts: dict[str, Any], pictures: list[LuminancePicture], suffix: str, dumps: Any) -> str:
     if suffix == ".json":
         return str(dumps(facts, indent=2)) + "\n"
     from ...light_meter.page import as_csv, as_page
 
-    return as_csv(found) if suffix == ".csv" else as_page(found, str(facts["stage"]))
+    return as_csv(found) if suffix == ".csv" else as_page(found, str(facts["stage"]), pictures)
 
 
 def _lines(found: Measurement) -> Iterator[str]:

@@ -30,7 +30,19 @@ if TYPE_CHECKING:
 
 @in_order(
     *("scene", "output", "lock", "sign", *VIEWPOINT, *SIZE, *FRAMES, "spp", "target_error", "error_metric", "time_limit_s"),
-    *("denoise", "stop_at", "adaptive", "max_depth", "clamp_indirect", "caustics", "filter", "filter_width", "threads", "seed"),
+    *(
+        "denoise",
+        "stop_at",
+        "mixes",
+        "adaptive",
+        "max_depth",
+        "clamp_indirect",
+        "caustics",
+        "filter",
+        "filter_width",
+        "threads",
+        "seed",
+    ),
     *("rendering_color_space", "aovs", "aov_errors", "deep_tolerance", "deep_samples", *REFUSAL, "max_memory_bytes", *TEXTURES),
     *(*SURFACES, *DIFFUSION, "lens_flaws", *LIGHTING, *CONTENTS, "json", "verbose"),
 )

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ...errors import SettingsError
+from ...settings.light_mixes import Weights, weights_of_text
 
 if TYPE_CHECKING:
     from ...light_mix.fit import Fit
     from ...light_mix.mix import LightMix
-
-Weights = dict[str, tuple[float, float, float]]
 
 
 def relight(
@@ -34,6 +34,15 @@ def relight(
             "--stops", metavar="NAME=STOPS", help="Brighten a light by stops (rim=+1); may be repeated.", show_default="0"
         ),
     ] = None,
+    mix_text: Annotated[
+        str | None,
+        typer.Option(
+            "--mix",
+            metavar="WEIGHTS",
+            help="Weights of several lights, 'key=0.5 fill=1,0.8,0.6', or the --report of an earlier mix; others change it.",
+            show_default=False,
+        ),
+    ] = None,
     only: Annotated[
         str | None, typer.Option("--only", metavar="NAMES", help="Turn all other lights off.", show_default=False)
     ] = None,
@@ -50,6 +59,20 @@ def relight(
         ),
     ] = None,
     fit_colors: Annotated[bool, typer.Option("--fit-colors", help="Fit a weight for each of R, G and B.")] = False,
+    turns: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--turn",
+            metavar="NAME=DEGREES",
+            help="Turn a dome about the up axis, counterclockwise from above, by a new render of its group alone, of --stage; "
+            "may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    turn_spp: Annotated[
+        int | None,
+        typer.Option("--turn-spp", metavar="N", help="Samples per pixel of that render.", show_default="the picture's"),
+    ] = None,
     outputs: Annotated[
         list[str] | None,
         typer.Option(
@@ -80,9 +103,11 @@ def relight(
     from ...light_mix.fit import fit
     from ...light_mix.mix import LightMix
     from ..console import dumps, print_line
+    from ..option_values import mixes_of
 
-    if (layer is None) != (stage is None):
-        raise SettingsError("--layer and --stage go together: the layer changes the lights of that stage", code="lights-layer")
+    if (layer is None and not turns) != (stage is None):
+        sentence = "--stage goes with --layer, which changes its lights, and with --turn, which renders a group of them again"
+        raise SettingsError(sentence, code="lights-layer")
     for path in outputs or ():
         check_output_path(path)
         if Path(path).resolve() == Path(picture).resolve():
@@ -93,16 +118,25 @@ def relight(
         if file is not None:
             check_folder(Path(file))
     mix = LightMix.of(picture)
+    degrees = _turns(turns or [])
+    if stage is not None and degrees:
+        from ...render.turned_dome import turn_dome
+
+        mix = turn_dome(mix, stage, degrees, spp=turn_spp)
     fitted = None if reference is None else fit(mix, reference, colors=fit_colors)
     asked = {} if fitted is None else {name: found.weight for name, found in fitted.weights.items()}
-    asked |= _weights(mix, lights or [], stops or [], _names(only), _names(without))
+    if mix_text is not None:
+        asked |= weights_of_text(mixes_of([mix_text])[0])
+    asked |= _weights(mix, asked, lights or [], stops or [], _names(only), _names(without))
     weights = mix.weights(asked)
     made = mix.mixed(asked)
     facts = {"picture": picture, "lights": _facts(mix, weights), "error": made.report["error"], "keeps_light": mix.keeps_light}
+    facts |= {"turns": degrees} if degrees else {}
     if fitted is not None:
         facts["fit"] = fitted.as_json()
     if layer is not None and stage is not None:
-        facts["left_out"] = _write_layer(mix, weights, stage, Path(layer))
+        left_out = _write_layer(mix, weights, stage, Path(layer))
+        facts["left_out"] = left_out | dict.fromkeys(degrees, "its turn is no weight: author it on the dome")
     for path in outputs or ():
         made.save(path)
     if report is not None:
@@ -117,8 +151,11 @@ def _names(text: str | None) -> list[str] | None:
     return None if text is None else [name for name in text.split(",") if name]
 
 
-def _weights(mix: LightMix, lights: list[str], stops: list[str], only: list[str] | None, without: list[str] | None) -> Weights:
-    found: Weights = {}
+def _weights(
+    mix: LightMix, before: Weights, lights: list[str], stops: list[str], only: list[str] | None, without: list[str] | None
+) -> Weights:
+    """Return the weights that flags change; `before` are those of a fit, or of a mix."""
+    found = dict(before)
     for name in [*(only or ()), *(without or ())]:
         mix.weights({name: 0.0})  # raises where there is no such light
     if only is not None:
@@ -134,9 +171,9 @@ def _weights(mix: LightMix, lights: list[str], stops: list[str], only: list[str]
         name, values = _assigned(text, "--stops")
         if len(values) != 1 or not abs(values[0]) <= 64:
             raise _unreadable(text, "--stops")
-        before = found.get(name, mix.weights({name: 1.0})[name])
+        was = found.get(name, mix.weights({name: 1.0})[name])
         factor = 2.0 ** values[0]
-        found[name] = before[0] * factor, before[1] * factor, before[2] * factor
+        found[name] = was[0] * factor, was[1] * factor, was[2] * factor
     return found
 
 
@@ -151,8 +188,18 @@ def _assigned(text: str, flag: str) -> tuple[str, list[float]]:
     return name, numbers
 
 
+def _turns(texts: list[str]) -> dict[str, float]:
+    found = {}
+    for text in texts:
+        name, values = _assigned(text, "--turn")
+        if len(values) != 1 or not math.isfinite(values[0]):
+            raise _unreadable(text, "--turn")
+        found[name] = values[0]
+    return found
+
+
 def _unreadable(text: str, flag: str) -> SettingsError:
-    forms = {"--light": "NAME=0.5 or NAME=1,0.8,0.6", "--stops": "NAME=+1"}
+    forms = {"--light": "NAME=0.5 or NAME=1,0.8,0.6", "--stops": "NAME=+1", "--turn": "NAME=DEGREES"}
     return SettingsError(f"{flag} takes {forms[flag]}, not {text!r}", where=flag, code="lights-weight")
 
 
@@ -199,6 +246,9 @@ def _lines(mix: LightMix, weights: Weights, facts: dict[str, Any], fitted: Fit |
     if fitted is not None:
         lines.append(f"the fit leaves {fitted.residual:.1%} of the reference")
         lines += [f"{a} and {b} look alike: the fit cannot tell them apart" for a, b in fitted.alike]
+    lines += [
+        f"{name} turned by {degrees:g} degrees, its group rendered again" for name, degrees in facts.get("turns", {}).items()
+    ]
     if mix.keeps_light:
         lines.append("some light of the picture is of no light (a background): it stays as it is")
     lines += [f"not in the layer: {path}: {why}" for path, why in facts.get("left_out", {}).items()]

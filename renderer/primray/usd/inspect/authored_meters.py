@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-from pxr import Usd
+from pxr import Gf, Usd, UsdGeom
 
 from ...arrays import Doubles
 from ...diagnostics import Diagnostics
 from ..scene.inheritance import transforms, world_matrix
 from ..stage.metadata import meters_per_unit, up_axis
-from ..stage.reads import property_names, schemas_applied
+from ..stage.reads import FAILURES, property_names, schemas_applied, targets, type_name
 from ..stage.traversal import range_with_instances
-from ..stage.values import matrix, number, token, vector, when_of_few
+from ..stage.values import When, matrix, number, time_of, token, vector, when_of_few
 
 SCHEMA, PREFIX = "PrimrayLightMeterAPI", "primray:lightMeter:"
+MOST_NESTED = 8  # instancers in prototypes of instancers; a cycle has no end
 ATTRIBUTES = tuple(PREFIX + name for name in ("kind", "size", "counts", "border"))
 
 
@@ -39,28 +40,78 @@ class AuthoredMeters:
 
 
 def authored_meters(stage: Usd.Stage, time_code: float | None, diagnostics: Diagnostics) -> AuthoredMeters:
-    """Return the light meters of a stage in its order, those in native instances by their proxies; and its units."""
+    """Return the light meters of a stage in its order, those in native instances by their proxies, and those of prototypes of
+    point instancers at each of their instances, as /instancer[3]/meter; and its units."""
     when = when_of_few(time_code)
-    cache = transforms(when)
-    found = []
-    for prim in range_with_instances(stage.GetPseudoRoot()):
-        names = [name for name in property_names(prim) if name.startswith(PREFIX)]
-        if not names and SCHEMA not in schemas_applied(prim):
-            continue
-        path = str(prim.GetPath())
+    reading = _Reading(stage, when, transforms(when), diagnostics)
+    found = tuple(reading.below(stage.GetPseudoRoot(), "", Gf.Matrix4d(1.0)))
+    up = (0.0, 0.0, 1.0) if up_axis(stage) == "Z" else (0.0, 1.0, 0.0)
+    return AuthoredMeters(found, meters_per_unit(stage), up)
+
+
+@dataclass(frozen=True)
+class _Reading:
+    stage: Usd.Stage
+    when: When
+    cache: UsdGeom.XformCache
+    diagnostics: Diagnostics
+
+    def below(self, root: Usd.Prim, name: str, placed: Gf.Matrix4d, depth: int = 0) -> Iterator[AuthoredMeter]:
+        """Yield the meters from a prim down, whose names begin with `name` in place of its path; `placed` moves them to where
+        they are drawn."""
+        prims = iter(range_with_instances(root))
+        for prim in prims:
+            own = name + str(prim.GetPath()).removeprefix(str(root.GetPath()) if name else "")
+            if type_name(prim) == "PointInstancer":
+                prims.PruneChildren()
+                yield from self._of_instances(prim, own, placed, depth)
+            names = [each for each in property_names(prim) if each.startswith(PREFIX)]
+            if names or SCHEMA in schemas_applied(prim):
+                yield self._meter(prim, own, names, placed)
+
+    def _meter(self, prim: Usd.Prim, own: str, names: list[str], placed: Gf.Matrix4d) -> AuthoredMeter:
+        when, diagnostics = self.when, self.diagnostics
         for name in sorted(names):
             if name not in ATTRIBUTES:
-                diagnostics.add("unknown-input", path, f"{name} is ignored: {SCHEMA} has no such attribute.", name)
+                message = f"{name} is ignored: {SCHEMA} has no such attribute."
+                diagnostics.add("unknown-input", str(prim.GetPath()), message, name)
         kind, size, counts, border = ATTRIBUTES
-        found.append(
-            AuthoredMeter(
-                path,
-                np.asarray(matrix(world_matrix(prim, when, cache))),
-                token(prim, kind, when, "illuminance"),
-                vector(prim, size, when, (0.0, 0.0), diagnostics),
-                vector(prim, counts, when, (0.0, 0.0), diagnostics),
-                number(prim, border, when, -1.0, diagnostics),
-            )
+        return AuthoredMeter(
+            own,
+            matrix(world_matrix(prim, when, self.cache) * placed),
+            token(prim, kind, when, "illuminance"),
+            vector(prim, size, when, (0.0, 0.0), diagnostics),
+            vector(prim, counts, when, (0.0, 0.0), diagnostics),
+            number(prim, border, when, -1.0, diagnostics),
         )
-    up = (0.0, 0.0, 1.0) if up_axis(stage) == "Z" else (0.0, 1.0, 0.0)
-    return AuthoredMeters(tuple(found), meters_per_unit(stage), up)
+
+    def _of_instances(self, prim: Usd.Prim, own: str, placed: Gf.Matrix4d, depth: int) -> Iterator[AuthoredMeter]:
+        """Yield the meters below the prototypes of a point instancer, at each instance that is drawn."""
+        roots = [self.stage.GetPrimAtPath(path) for path in targets(prim, "prototypes")]
+        if depth > MOST_NESTED or not any(map(self._has_meters, roots)):
+            return
+        instancer = UsdGeom.PointInstancer(prim)
+        exclude, ignore = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+        try:
+            time = time_of(instancer.GetPositionsAttr(), self.when)
+            of_instances = instancer.ComputeInstanceTransformsAtTime(time, time, exclude, ignore)
+            numbers, shown = instancer.GetProtoIndicesAttr().Get(time), instancer.ComputeMaskAtTime(time)
+        except FAILURES:  # a render reports it
+            return
+        world = world_matrix(prim, self.when, self.cache)
+        for k, (which, own_place) in enumerate(zip(numbers or (), of_instances, strict=False)):
+            if not 0 <= which < len(roots) or not roots[which] or (shown and not shown[k]):
+                continue
+            root = roots[which]
+            above = world_matrix(root.GetParent(), self.when, self.cache) if root.GetParent() else Gf.Matrix4d(1.0)
+            there = above.GetInverse() * own_place * world * placed
+            yield from self.below(root, f"{own}[{k}]", there, depth + 1)
+
+    def _has_meters(self, root: Usd.Prim) -> bool:
+        """Return whether a prototype may hold a meter: most have thousands of instances and none."""
+        return bool(root) and any(
+            type_name(prim) == "PointInstancer"
+            or SCHEMA in schemas_applied(prim)
+            or any(name.startswith(PREFIX) for name in property_names(prim))
+            for prim in range_with_instances(root)
+        )

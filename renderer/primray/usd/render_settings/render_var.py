@@ -13,6 +13,7 @@ from ...aovs import (
     CRYPTOMATTES,
     LABELS,
     LIGHT_PATH,
+    LIGHTS,
     LONGEST_NAME,
     NAMED_LIGHT_PATHS,
     PRIMVAR,
@@ -86,6 +87,7 @@ OF_PATHS = {  # as Cycles and Karma call them
     "volume_indirect": ("VolumeInd", "indirectvolume"),
 }
 NAMES |= {name: LIGHT_PATH + path for own, path in NAMED_LIGHT_PATHS.items() for name in (own, *OF_PATHS[own])}
+NAMES[LIGHTS] = LIGHTS  # of each light apart; no other renderer has one output for all of them
 # Light path expressions that select all light, the picture.
 LPE_BEAUTY = frozenset({"C.*", "C.*[LO]", "C.*<[LO].>", "C[.]*[LO]", "C.*[<L.>O]", "C.*[<L.><O.>]"})
 
@@ -125,6 +127,10 @@ def _requests(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> 
                 message = f"dataType = {data_type!r} is not a type for channels: the source's own type is used."
                 diagnostics.add("render-var", var.path, message, "dataType")
                 data_type = ""
+            if source == LIGHTS and data_type not in ("", "color3f"):
+                message = f"dataType = {data_type!r}: the light of each light is stored as color3f, for mixes that keep errors."
+                diagnostics.add("render-var", var.path, message, "dataType")
+                data_type = "color3f"
             _note_double(var, diagnostics)
             yield AovRequest(var.name, source, data_type, var.errors, var.prefix), var.path
 
@@ -199,7 +205,7 @@ def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
         return _labels(name.replace("semantics:labels:", LABELS, 1), var, diagnostics)
     if name.startswith(("primvars:", PRIMVAR)):
         return _primvar(name.removeprefix("primvars:").removeprefix(PRIMVAR), var, diagnostics)
-    known = ", ".join((*AOVS, *NAMED_LIGHT_PATHS, *CRYPTOMATTES))
+    known = ", ".join((*AOVS, *NAMED_LIGHT_PATHS, LIGHTS, *CRYPTOMATTES))
     message = f"There is no output named {name}{_hint(name)}; there are {known} and primvars."
     diagnostics.add("render-var", var.path, message, "sourceName")
     return None

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from primray.settings import RenderSettings, settings_as_json
+from primray.settings import RenderSettings, StopAt, settings_as_json
 
 from ...admission import ALL, products_by_name, render_settings
 from ...api.models import FileSettings, Settings
@@ -105,6 +105,8 @@ def part_chunk(
         time_limit_s=None,
         adaptive=None,
         sample_range=(part.first, part.end),
+        stop_at=StopAt.PICTURE,
+        mixes=(),
     )
     command = whole.command | {"settings": settings_as_json(settings), "outputs": [], "part": True}
     return replace(whole, command=command, group=_group_of_parts(job), more_follow=True)
@@ -130,6 +132,7 @@ def merge_chunk(
         "metric": stop.get("metric") or "relmse",
         "target": stop.get("target_error"),
         "most": stop.get("max_samples"),
+        "mixes": job.settings.get("mixes", []),
         "limits": asdict(limits),
     } | _root_of(roots)
     return Chunk(

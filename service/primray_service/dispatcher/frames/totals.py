@@ -269,6 +269,7 @@ def _number(found: object) -> float | None:
 
 def _error_of(says: Mapping[str, object], metric: str, target: float | None) -> Json | None:
     errors = says.get("error")
+    errors = errors.get("mix") or errors if isinstance(errors, Mapping) else None
     measured = errors.get(metric) if isinstance(errors, Mapping) else None
     if not isinstance(measured, Mapping) or measured.get("estimate") is None:
         return None

@@ -221,7 +221,7 @@ class PartRun:
 
 
 # Settings in which a part differs from its frame.
-OF_FRAME = ("spp", "target_error", "time_limit_s", "sample_range")
+OF_FRAME = ("spp", "target_error", "time_limit_s", "sample_range", "stop_at")
 
 
 class PartsProgress:
