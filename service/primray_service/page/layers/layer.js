@@ -7,8 +7,9 @@
 const PICTURE = "rgba"; // the part of the picture itself
 const LABELS = { denoised: "Denoised picture", samples: "Samples of a pixel" };
 
-// Returns [{key, label, kind, part, channels, errors, names, meaning, ids, space, isLight}] for the parts of openExr(), in
-// their order. `channels` and `errors` are the part's channels of its values and of their standard errors.
+// Returns [{key, label, kind, part, channels, errors, differences, names, meaning, ids, space, isLight}] for the parts of
+// openExr(), in their order. `channels` and `errors` are the part's channels of its values and of their standard errors,
+// `differences` those of signed differences of both halves of its samples, which the light of a light has.
 export function layersOf(parts) {
   return parts.flatMap((part, number) => {
     const label = part.name === PICTURE || part.name === "" ? "Picture" : (LABELS[part.name] ?? wordsOf(part.name));
@@ -20,6 +21,7 @@ export function layersOf(parts) {
       label: suffix ? `${label}: ${suffix}` : label,
       names: channels.map((at) => lastWord(part.channels[at].name)),
       errors: [],
+      differences: [],
       ids: null,
       ...extra,
     });
@@ -27,9 +29,11 @@ export function layersOf(parts) {
     if (manifest) return [make("mattes", pairsOf(part.channels), "", { ids: manifest })];
     const all = part.channels.map((_, at) => at);
     const isError = (at) => part.channels[at].name.split(".").includes("stderr");
+    const isDifference = (at) => part.channels[at].name.split(".").at(-2) === "difference"; // of a light's two halves, signed
     const errors = ordered(part, all.filter(isError));
-    const values = ordered(part, all.filter((at) => !isError(at)));
-    return [values.length > 0 && plain(part, values, errors, make), errors.length > 0 && make("error", errors, "standard error")].filter(Boolean);
+    const differences = ordered(part, all.filter(isDifference));
+    const values = ordered(part, all.filter((at) => !isError(at) && !isDifference(at)));
+    return [values.length > 0 && { ...plain(part, values, errors, make), differences }, errors.length > 0 && make("error", errors, "standard error")].filter(Boolean);
   });
 }
 
@@ -85,5 +89,5 @@ function pairsOf(channels) {
 export function filled(layer, read) {
   const { width, height, step } = read;
   const of = (channels) => channels.map((at) => read.planes[at]);
-  return { ...layer, width, height, step, fullWidth: layer.part.width, fullHeight: layer.part.height, planes: of(layer.channels), errors: of(layer.errors) };
+  return { ...layer, width, height, step, fullWidth: layer.part.width, fullHeight: layer.part.height, planes: of(layer.channels), errors: of(layer.errors), differences: of(layer.differences) };
 }

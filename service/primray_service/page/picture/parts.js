@@ -2,8 +2,10 @@
 
 import { openExr, rangesOf } from "../exr/file.js";
 import { filled, layersOf } from "../layers/layer.js";
+import { mixOf } from "../layers/mix.js";
 
-export function partsOf() {
+// `weights`: of lights in a mix, a Map of [r, g, b] by name; without it no mix is listed.
+export function partsOf(weights = null) {
   const files = new Map(); // by frame: {row, opened}
   const leaving = new AbortController();
   let rows = [];
@@ -21,7 +23,7 @@ export function partsOf() {
     const digests = here.map(({ sha256 }) => sha256).join(" ");
     const before = files.get(frame);
     if (before?.digests === digests) return before.opened;
-    const opened = Promise.all(here.map((row, index) => open(row, index, leaving.signal)));
+    const opened = Promise.all(here.map((row, index) => open(row, index, leaving.signal, weights)));
     files.clear(); // a page should hold the planes of one frame at most
     files.set(frame, { digests, opened });
     opened.catch(() => files.delete(frame));
@@ -31,7 +33,7 @@ export function partsOf() {
   return { know, of, close: () => leaving.abort() };
 }
 
-async function open(row, index, signal) {
+async function open(row, index, signal, weights) {
   const file = await openExr(rangesOf(row.urls.immutable, signal), row.bytes);
   // Keys are the same for all frames of a sequence, so that a choice applies to the next frame too.
   const layers = layersOf(file.parts).map((layer) => ({
@@ -39,5 +41,6 @@ async function open(row, index, signal) {
     key: index > 0 ? `${index}/${layer.key}` : layer.key,
     read: async () => filled(layer, await file.planes(layer.number)),
   }));
-  return { name: row.name, digest: row.sha256, layers };
+  const mix = weights && mixOf(layers, weights);
+  return { name: row.name, digest: row.sha256, layers: mix ? [{ ...mix, key: index > 0 ? `${index}/mix` : "mix" }, ...layers] : layers };
 }

@@ -5,6 +5,7 @@ import { choice, button, element, field, fill, write } from "../base/dom.js";
 import { histogram } from "../layers/histogram.js";
 import { paint } from "../layers/paint.js";
 import { legend } from "./legend.js";
+import { lightSliders } from "./light_sliders.js";
 import { EXPOSE_AFTER_S, KEY_STOPS, LOOKS, lookOf } from "./looks.js";
 import { partsOf } from "./parts.js";
 import { player } from "./player.js";
@@ -29,7 +30,9 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   board.root.append(wait);
   board.sheet.prepend(canvas);
   const state = { frame: null, view: "beauty", channel: "rgb", exposure: 0, look: "display" };
-  const parts = partsOf();
+  const weights = new Map(); // of lights in the mix
+  const sliders = lightSliders(weights, () => draw());
+  const parts = partsOf(weights);
   let found = []; // the files of the shown frame, with their parts
   let [layer, front] = [null, null]; // the layer that is drawn here, if any; the server's <img>
   let fileSettings = {}; // of the job: view, display, look, exposure
@@ -57,7 +60,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   const playing = player(job, board.sheet, { query: () => (isPart() ? { view: "beauty" } : { view: state.view, channel: state.channel, exposure: state.exposure }), onFrame: onPlayed });
   board.tools.prepend(playing.root, mark.toggle);
   const under = element("div", { class: "under" }, element("div", {}, values.root, colors.root, meaning), board.tools);
-  const root = element("div", { class: "viewer" }, board.root, under, bar, mark.panel, note, counts.root);
+  const root = element("div", { class: "viewer" }, board.root, under, bar, sliders.root, mark.panel, note, counts.root);
 
   const chosen = () => found.flatMap(({ layers }) => layers).find(({ key }) => PART + key === state.view);
   const isPart = () => state.view.startsWith(PART);
@@ -105,6 +108,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
     channelField.hidden = !["color", "error"].includes(kind);
     lookField.hidden = kind !== "color";
     exposureField.hidden = kind !== "color" && isPart();
+    sliders.show(isPart() && chosen()?.lights ? chosen() : null);
   }
 
   const drawsHere = () => isPart() || (state.view === "beauty" && state.look !== "display");
@@ -132,6 +136,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
       layer = next;
       write(note, "");
       write(meaning, isPart() ? aboutOf(next, seen, state.look) : "");
+      sliders.tell(next.relmse ?? null);
       colors.showScale(paint(canvas, next, seen));
       counts.show(next, state.exposure);
       canvas.hidden = false;
