@@ -25,18 +25,18 @@ from ..images.image import pixels_sha256
 FORMAT = 1
 TYPE = "primray-lock"
 SUFFIX = ".lock.json"
-SHORT = 16  # letters of the hashes of passes, which say where samples differ, and prove nothing
+SHORT = 16  # letters of the hashes of passes: 64 bits
 
 Counts = npt.NDArray[np.uint32]  # samples of each replicate, (R, tiles)
 
 
 @dataclass(frozen=True)
 class Pass:
-    """A tile's hashes after a pass, to find which samples differ. `counts`: as `Picture.counts`."""
+    """Hashes of the samples that a pass took, alone: a range of each tile's samples, from the counts of the pass before."""
 
-    samples: float  # per pixel, on average
-    counts: list[list[int]]
-    tiles: str  # of all tiles, SHORT letters each
+    samples: float  # per pixel, on average, after the pass
+    counts: list[list[int]]  # after the pass, as `Picture.counts`
+    tiles: str  # of all tiles, SHORT letters each; of a tile without samples in it that of black
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,14 @@ class Picture:
         (width, height), columns = self.resolution, self.grid[0]
         x, y = tile % columns * TILE, tile // columns * TILE
         return slice(y, min(y + TILE, height)), slice(x, min(x + TILE, width))
+
+    def begins(self, number: int) -> Counts:
+        """Return the samples of all tiles before a pass."""
+        return self.ends(self.passes[number - 1].counts) if number else np.zeros_like(self.ends())
+
+    def hash_of_range(self, number: int, tile: int) -> str:
+        """Return the hash of the samples of a tile that a pass took."""
+        return self.passes[number].tiles[tile * SHORT : (tile + 1) * SHORT]
 
     def ends(self, counts: list[list[int]] | None = None) -> Counts:
         """Return the samples of all tiles, as a film counts them."""

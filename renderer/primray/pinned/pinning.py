@@ -25,6 +25,7 @@ from .lock import SHORT, SUFFIX, Lock, Pass, Picture, counts_of, hashes_of_tiles
 from .things import things_of
 
 if TYPE_CHECKING:
+    from ..core import Film
     from ..description import SceneDescription
     from ..images.image import Image
     from ..render.prepare import Textures
@@ -188,17 +189,17 @@ def _rendered(root: Path, settings: RenderSettings, progress: Progress | None, a
 
 
 def _sampled(prepared: Prepared, passes: list[Pass], progress: Progress) -> Sampling:
-    """Sample until a stopping rule applies, and note the hashes of tiles after each pass."""
+    """Sample until a stopping rule applies, and note the hashes of the samples of each pass alone, by tile."""
     from ..denoising.denoised import denoised_target
 
     sampling = Sampling.begin(prepared.scene, prepared.settings)
     sampling.judge_by, sampling.mixes = denoised_target(prepared.scene, prepared.settings), prepared.mixes
 
-    def note() -> None:
-        tiles = "".join(digest[:SHORT] for digest in hashes_of_tiles(sampling.film.image()[0]))
+    def note(of_pass: Film) -> None:
+        tiles = "".join(digest[:SHORT] for digest in hashes_of_tiles(of_pass.image()[0]))
         passes.append(Pass(sampling.mean_samples(), counts_of(sampling.film.next), tiles))
 
-    sampling.on_pass = note
+    sampling.on_film_of_pass = note
     sampling.run(progress)
     return sampling
 

@@ -57,6 +57,7 @@ class Verification:
     samples: int = 0
     file: str | None = None
     notes: tuple[str, ...] = ()
+    ranges: tuple[tuple[int, int, int], ...] = ()  # tile, first sample and the one after the last, that were rendered alone
 
     @property
     def is_whole(self) -> bool:
@@ -76,6 +77,7 @@ class Verification:
             "of": self.of,
             "pixels": self.pixels,
             "samples": self.samples,
+            "ranges": [list(each) for each in self.ranges],
             "file": self.file,
             "notes": list(self.notes),
         }
@@ -85,6 +87,7 @@ def verify(
     lock: str | os.PathLike[str],
     *,
     share: float = 1.0,
+    ranges: bool = False,
     seed: int | None = None,
     stage: str | os.PathLike[str] | None = None,
     picture: str | os.PathLike[str] | Literal[False] | None = None,
@@ -99,11 +102,12 @@ def verify(
     >>> primray.verify(lock).is_whole
     True
 
-    `share`: 1 renders all of them, and compares AOVs too; 0 renders none, and compares inputs and the picture's file. `seed`
-    chooses the tiles; None: others each time. `stage` and `picture` are paths where the files are not where the lock says, such
-    as a picture that another machine, farm or service made. False: no file is compared. `key`, a PEM file with an Ed25519
-    public key, is the one that must have signed the attestation; None: no signature is asked for. `attestation`: None is beside
-    the lock.
+    `share`: 1 renders all of them, and compares AOVs too; 0 renders none, and compares inputs and the picture's file. `ranges`:
+    of each chosen tile only a range of samples is rendered, that of the pass of a random sample, and compared with the lock's
+    hash of it. `seed` chooses the tiles; None: others each time. `stage` and `picture` are paths where the files are not where
+    the lock says, such as a picture that another machine, farm or service made. False: no file is compared. `key`, a PEM file
+    with an Ed25519 public key, is the one that must have signed the attestation; None: no signature is asked for.
+    `attestation`: None is beside the lock.
     """
     if not 0 <= share <= 1:
         raise SettingsError(f"a share is 0 to 1, not {share:g}", where="share", code="verify-share")
@@ -115,7 +119,7 @@ def verify(
     file = _file(found, place, picture)
     unsigned = None if key is None else difference_of_attestation(found, place, key, attestation)
     with shown_progress(progress) as shown:
-        return _Verifier(found, root, file, threads, shown).run(broken, unsigned, share, seed)
+        return _Verifier(found, root, file, threads, shown).run(broken, unsigned, share, ranges, seed)
 
 
 def _file(lock: Lock, place: Path, picture: str | os.PathLike[str] | Literal[False] | None) -> Path | None:
@@ -139,6 +143,7 @@ class _Verifier:
         self.notes: list[str] = []
         self.softer: list[Difference] = []
         self.tiles: tuple[int, ...] = ()
+        self.ranges: tuple[tuple[int, int, int], ...] = ()
         self.suspects: tuple[int, ...] = ()  # tiles whose bits in the file are not those of the lock
         self.stored: Floats | None = None
         self.settings = self._settings(threads)
@@ -149,7 +154,9 @@ class _Verifier:
         except (TypeError, ValueError) as error:
             raise SettingsError(f"the lock has settings of another version: {error}", code="lock-unreadable") from None
 
-    def run(self, broken: Sequence[str], unsigned: Difference | None, share: float, seed: int | None) -> Verification:
+    def run(
+        self, broken: Sequence[str], unsigned: Difference | None, share: float, ranges: bool, seed: int | None
+    ) -> Verification:
         try:
             if unsigned is not None:
                 raise _Found(unsigned)
@@ -158,7 +165,10 @@ class _Verifier:
             self._compare_inputs()
             self._compare_versions()
             self._read_file()
-            self._compare_pixels(share, seed)
+            if ranges:
+                self._compare_ranges(share, seed)
+            else:
+                self._compare_pixels(share, seed)
             difference = None
         except _Found as found:
             difference = found.difference
@@ -174,6 +184,7 @@ class _Verifier:
             of=len(self.picture.tiles),
             pixels=sum(sizes),
             samples=sum(int(ends[:, tile].sum()) * size for tile, size in zip(self.tiles, sizes, strict=True)),
+            ranges=self.ranges,
             file=None if self.stored is None else str(self.file),
             notes=tuple(notes),
         )
@@ -254,6 +265,28 @@ class _Verifier:
         elif self.lock.aovs:
             self.notes.append("AOVs were not compared, which takes the whole picture")
 
+    def _compare_ranges(self, share: float, seed: int | None) -> None:
+        """Render of random tiles the samples of one pass each, which that of a random sample is."""
+        if self.suspects:
+            raise _Found(self._of_file(self.suspects[0], None))
+        random = np.random.default_rng(seed)
+        count = len(self.picture.tiles)
+        chosen = sorted(random.choice(count, math.ceil(share * count), replace=False).tolist())
+        if not chosen or not self.picture.passes:
+            self.notes.append("no pixel was rendered again")
+            return
+        prepared = self._prepared()
+        with interruption() as asked:
+            self._asked = asked
+            for tile in chosen:
+                ends = [self._range(k, tile)[1] for k in range(len(self.picture.passes))]
+                number = int(np.searchsorted(ends, random.integers(max(ends[-1], 1)), side="right"))
+                first, end = self._range(min(number, len(ends) - 1), tile)
+                if not self._is_range_right(prepared, min(number, len(ends) - 1), tile):
+                    what = f"{self._name(tile)}, samples {first} to {end}"
+                    raise _Found(self._blamed(Difference("pixels", what, "the lock's hash of them", "other bits")))
+                self.ranges += ((tile, first, end),)
+
     def _chosen(self, share: float, seed: int | None) -> tuple[int, ...]:
         """Return random tiles, and one in which the file differs, which tells whether file or lock is wrong."""
         count = len(self.picture.tiles)
@@ -273,15 +306,18 @@ class _Verifier:
             raise _Found(self._blamed(difference))
         return prepared
 
-    def _rendered(self, prepared: Prepared, tiles: Sequence[int], ends: Any) -> Floats:
-        """Return pixels of which these tiles have these samples."""
+    def _rendered(self, prepared: Prepared, tiles: Sequence[int], ends: Any, begins: Any = None) -> Floats:
+        """Return pixels of which these tiles have these samples, from 0 on or from `begins`."""
         from .. import core
 
-        film = self._film = core.Film(prepared.scene, settings=prepared.settings)
+        film = core.Film(prepared.scene, settings=prepared.settings)
+        if begins is not None:
+            film = core.Film(prepared.scene, {**film.state(), "next": begins.astype(np.uint32)}, prepared.settings)
+        self._film = film
         splits = core.choose_splits(prepared.scene, prepared.settings)
         if tuple(splits) != self.picture.splits:
             raise _Found(self._blamed(Difference("pixels", "splitting factors", list(self.picture.splits), list(splits))))
-        wanted = np.zeros_like(ends)
+        wanted = np.zeros_like(ends) if begins is None else begins.copy()
         wanted[:, list(tiles)] = ends[:, list(tiles)]
 
         def poll(fraction: float) -> bool:
@@ -313,17 +349,30 @@ class _Verifier:
         raise _Found(self._blamed(Difference("pixels", f"{self._name(tile)}, {where}", before, now)))
 
     def _samples(self, prepared: Prepared, tile: int) -> str:
-        """Return in which samples a tile differs: between two passes of the pinned render."""
-        first = 0
-        box = self.picture.box(tile)
-        for row in self.picture.passes:
-            ends = self.picture.ends(row.counts)
-            end = int(ends[:, tile].sum())
-            pixels = self._rendered(prepared, [tile], ends)
-            if pixels_sha256(pixels[box])[:SHORT] != row.tiles[tile * SHORT : (tile + 1) * SHORT]:
-                return f"samples {first} to {end}"
-            first = end
-        return f"samples after {first}" if first < int(self.picture.ends()[:, tile].sum()) else "hash of all samples alone"
+        """Return in which samples a tile differs: of which passes of the pinned render."""
+        wrong = [self._range(k, tile) for k in range(len(self.picture.passes)) if not self._is_range_right(prepared, k, tile)]
+        if wrong:
+            return f"samples {' and '.join(f'{first} to {end}' for first, end in wrong)}"
+        last = int(self.picture.ends(self.picture.passes[-1].counts)[:, tile].sum()) if self.picture.passes else 0
+        return f"samples after {last}" if last < int(self.picture.ends()[:, tile].sum()) else "hash of all samples alone"
+
+    def _range(self, number: int, tile: int) -> tuple[int, int]:
+        """Return the samples of a tile that a pass took: the first, and the one after the last."""
+        picture = self.picture
+        first, end = (
+            int(counts[:, tile].sum()) for counts in (picture.begins(number), picture.ends(picture.passes[number].counts))
+        )
+        return first, end
+
+    def _is_range_right(self, prepared: Prepared, number: int, tile: int) -> bool:
+        """Return whether the samples of a tile that a pass took have the bits of the lock, rendered alone."""
+        first, end = self._range(number, tile)
+        if first == end:
+            return True
+        ends = self.picture.ends(self.picture.passes[number].counts)
+        pixels = self._rendered(prepared, [tile], ends, self.picture.begins(number))
+        digest = pixels_sha256(pixels[self.picture.box(tile)])
+        return digest[:SHORT] == self.picture.hash_of_range(number, tile)
 
     def _of_file(self, tile: int, rendered: Floats | None) -> Difference:
         assert self.stored is not None

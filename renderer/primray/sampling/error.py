@@ -243,7 +243,7 @@ class ErrorRow:
         return self.anchor or self.due
 
     def as_json(self) -> dict[str, Any]:
-        found = {"samples": self.samples, "seconds": self.seconds, "relmse": self.error.relmse.value}
+        found: dict[str, Any] = {"samples": self.samples, "seconds": self.seconds, "relmse": self.error.relmse.value}
         found |= {"ci95": [self.error.relmse.low, self.error.relmse.high], "rmse": self.error.rmse.value}
         return found | ({} if self.error.mix is None else {"mix": self.error.mix.as_json()})
 

@@ -58,6 +58,8 @@ class Sampling:
     shaded_lanes: int = 0
     earlier_rays: int = 0  # rays of earlier runs, which rates do not count
     on_pass: Callable[[], None] | None = None  # called when a pass is complete
+    # Called with a film of the samples of each complete pass alone, once they are merged.
+    on_film_of_pass: Callable[[core.Film], None] | None = None
     stop: Stop | None = None
     most_fraction: float = 0.0
     judge_by: Judge | None = None
@@ -146,8 +148,11 @@ class Sampling:
         if not poll(0.0):
             self._end(why)
             return why
+        film = self.film if self.on_film_of_pass is None else self.film.next_part(self.scene, self.settings)
         with span("pass", samples=goal.samples - self.done, to=goal.samples):
-            done = core.render_pass(self.scene, self.film, goal.ends, self.splits, self.settings, poll)
+            done = core.render_pass(self.scene, film, goal.ends, self.splits, self.settings, poll)
+        if film is not self.film:
+            self.film.merge(film)
         count("samples per pixel", self.mean_samples)
         count("million rays", lambda: self.film.rays / 1e6)
         self.seconds = before + time.perf_counter() - start
@@ -157,6 +162,8 @@ class Sampling:
             self.done, self.goal = goal.samples, None
             if self.on_pass is not None:
                 self.on_pass()
+            if self.on_film_of_pass is not None:
+                self.on_film_of_pass(film)
             return "done"
         if why != "paused":
             self._end(why or "interrupted")

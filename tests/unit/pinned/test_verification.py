@@ -192,6 +192,41 @@ def test_samples_that_differ_are_found_by_their_pass(lock: Path) -> None:
     assert (found.kind, found.what) == ("pixels", "pixels 16:32, 16:32, samples 8 to 16 (code or machine)")
 
 
+def test_ranges_of_samples_are_verified_alone(lock: Path) -> None:
+    found = verify(lock, ranges=True, seed=1, threads=2)
+    assert found.difference is None
+    assert not found.is_whole
+    assert [tile for tile, _, _ in found.ranges] == list(range(6))
+    assert {(first, end) for _, first, end in found.ranges} == {(0, 8), (8, 16)}
+    part = verify(lock, share=0.3, ranges=True, seed=5, threads=2)
+    assert len(part.ranges) == 2
+    assert part.as_json()["ranges"] == [list(each) for each in part.ranges]
+
+
+def test_a_range_that_differs_is_named(lock: Path) -> None:
+    def forge(found: dict[str, Any]) -> None:
+        for row in found["picture"]["passes"]:
+            row["tiles"] = row["tiles"][: 2 * SHORT] + "0" * SHORT + row["tiles"][3 * SHORT :]
+
+    changed(lock, forge)
+    assert verify(lock, threads=2).difference is None  # the picture is right; its ranges were not asked for
+    found = difference_of(lock, ranges=True, seed=1)
+    assert found.kind == "pixels"
+    ranges = ["samples 0 to 8", "samples 8 to 16"]
+    assert found.what in [f"pixels 32:48, 0:16, {each} (code or machine)" for each in ranges]
+
+
+def test_ranges_of_adaptive_pictures_are_those_of_each_tile(tmp_path: Path) -> None:
+    shot, asked = write_shot(tmp_path / "set"), {"target_error": 3e-4, **SIZE}
+    pinned = primray.pin(shot, lock=tmp_path / "shot.lock.json", **asked)
+    whole = primray.render(shot, progress=False, **asked)
+    assert np.array_equal(pinned.image.pixels, whole.pixels), "passes that are rendered apart are the picture to the bit"
+    assert len(pinned.lock.picture.counts) > 1, "tiles have other numbers of samples"
+    found = verify(pinned.file, ranges=True, threads=2)
+    assert found.difference is None
+    assert len({end for _, _, end in found.ranges}) > 1
+
+
 def test_an_aov_that_differs_is_found(lock: Path) -> None:
     changed(lock, lambda found: found["aovs"].update(depth="0" * 64))
     assert difference_of(lock).what == "AOV depth (code or machine)"

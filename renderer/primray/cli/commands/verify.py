@@ -24,6 +24,9 @@ def verify(
     share: Annotated[
         float, typer.Option("--share", metavar="SHARE", help="Share of the picture to render again, of random tiles; 0: none.")
     ] = 1.0,
+    ranges: Annotated[
+        bool, typer.Option("--ranges", help="Render of each of these tiles a random range of its samples, not all of them.")
+    ] = False,
     seed: Annotated[
         int | None,
         typer.Option("--seed", metavar="N", help="Seed of which tiles are chosen.", show_default="another each time"),
@@ -69,6 +72,7 @@ def verify(
         found = verified(
             lock,
             share=share,
+            ranges=ranges,
             seed=seed,
             stage=stage,
             picture=chosen,
@@ -108,6 +112,13 @@ def _lines(lock: str, found: Verification) -> Iterator[str]:
         )
         missed = found.chance_to_miss(SHARE)
         yield f"random tiles: were {SHARE:.0%} of them wrong, all of these would be right with a chance of {missed:.2g}"
+    elif found.ranges:
+        samples = sum(end - first for _, first, end in found.ranges)
+        yield (
+            f"{lock}: proven: the same bits of a range of samples in each of {len(found.ranges)} of {found.of} tiles, rendered "
+            f"again alone ({samples / len(found.ranges):.4g} samples a pixel on average)"
+        )
+        yield "what is in no such range was not rendered, nor were the sums of all ranges"
     else:
         yield f"{lock}: the same inputs; nothing was rendered"
     if found.file is not None:
