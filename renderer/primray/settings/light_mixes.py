@@ -52,4 +52,7 @@ def text_of_weights(weights: Weights) -> str:
 def check_mixes(name: str, mixes: Sequence[str]) -> None:
     """Raise SettingsError for texts that are no mixes."""
     for text in mixes:
-        weights_of_text(text)
+        try:
+            weights_of_text(text)
+        except SettingsError as error:
+            raise SettingsError(error.message, where=name, code=error.code) from None

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pxr import Gf, Usd, UsdGeom
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom
 
 from ...arrays import Doubles
 from ...diagnostics import Diagnostics
 from ..scene.inheritance import transforms, world_matrix
 from ..stage.metadata import meters_per_unit, up_axis
-from ..stage.reads import FAILURES, property_names, schemas_applied, targets, type_name
+from ..stage.reads import computed, metadatum, property_names, schemas_applied, targets, type_name
 from ..stage.traversal import range_with_instances
-from ..stage.values import When, matrix, number, time_of, token, vector, when_of_few
+from ..stage.values import When, array, matrix, number, read, time_of, token, vector, when_of_few
 
 SCHEMA, PREFIX = "PrimrayLightMeterAPI", "primray:lightMeter:"
 MOST_NESTED = 8  # instancers in prototypes of instancers; a cycle has no end
@@ -92,15 +93,19 @@ class _Reading:
             return
         instancer = UsdGeom.PointInstancer(prim)
         exclude, ignore = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
-        try:
-            time = time_of(instancer.GetPositionsAttr(), self.when)
-            of_instances = instancer.ComputeInstanceTransformsAtTime(time, time, exclude, ignore)
-            numbers, shown = instancer.GetProtoIndicesAttr().Get(time), instancer.ComputeMaskAtTime(time)
-        except FAILURES:  # a render reports it
+        time = time_of(instancer.GetPositionsAttr(), self.when)
+        of_instances = computed(lambda: instancer.ComputeInstanceTransformsAtTime(time, time, exclude, ignore), None)
+        numbers = array(read(prim, "protoIndices", self.when), 1, "i")
+        if of_instances is None or numbers is None:  # a render reports it
             return
+        ids = array(read(prim, "ids", self.when), 1, "i")
+        ids = np.arange(len(numbers)) if ids is None or len(ids) != len(numbers) else ids
+        invisible, inactive = array(read(prim, "invisibleIds", self.when), 1, "i"), metadatum(prim, "inactiveIds")
+        hidden: set[int] = set() if invisible is None else set(invisible.tolist())
+        hidden |= set(inactive.GetAppliedItems()) if isinstance(inactive, Sdf.Int64ListOp) else set()
         world = world_matrix(prim, self.when, self.cache)
-        for k, (which, own_place) in enumerate(zip(numbers or (), of_instances, strict=False)):
-            if not 0 <= which < len(roots) or not roots[which] or (shown and not shown[k]):
+        for k, (which, own_place) in enumerate(zip(numbers.tolist(), of_instances, strict=False)):
+            if not 0 <= which < len(roots) or not roots[which] or int(ids[k]) in hidden:
                 continue
             root = roots[which]
             above = world_matrix(root.GetParent(), self.when, self.cache) if root.GetParent() else Gf.Matrix4d(1.0)
