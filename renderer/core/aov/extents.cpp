@@ -1,4 +1,4 @@
-// Extents of parts, one thread a part: the bounds of a part do not depend on the order.
+// Extents of parts, one thread a part: the bounds of a part do not depend on the order; and their surfaces.
 #include "aov/extents.hpp"
 
 #include <algorithm>
@@ -50,6 +50,20 @@ std::map<int32_t, MeshRow> mesh_rows(const Scene& scene, const std::vector<Scene
     row.vertices.erase(std::unique(row.vertices.begin(), row.vertices.end()), row.vertices.end());
   }
   return rows;
+}
+
+// Segments of curves, with their groups, by row.
+using CurveSegments = std::map<int32_t, std::vector<std::pair<int32_t, size_t>>>;
+
+CurveSegments curve_segments(const Scene& scene) {
+  CurveSegments segments;
+  for (size_t g = 0; g < scene.groups.size(); ++g)
+    for (const CurveRange* range : {&scene.groups[g].curves.still, &scene.groups[g].curves.moving})
+      for (uint32_t i = 0; i < range->segments; ++i) {
+        const size_t segment = range->segment + i;
+        segments[scene.curves.row[size_t(scene.curves.run[segment])]].emplace_back(int32_t(g), segment);
+      }
+  return segments;
 }
 
 // Measures one part.
@@ -138,19 +152,56 @@ class PartMeasure {
   }
 
   void curve(const Group& group, size_t segment) {
-    const CurveTable& curves = scene_.curves;
-    dvec3 p[4];
-    double r[4];
-    for (int k = 0; k < 4; ++k) control_point(group, uint32_t(curves.first_point[segment]) + uint32_t(k), p[k], r[k]);
-    for (int i = 0; i < kCurvePoints; ++i) {
-      const double t = double(i) / (kCurvePoints - 1), s = 1 - t;
-      const double w[4] = {s * s * s, 3 * s * s * t, 3 * s * t * t, t * t * t};
-      dvec3 at(0.0);
-      double radius = 0;
-      for (int k = 0; k < 4; ++k) at = at + p[k] * w[k], radius += r[k] * w[k];
-      const dvec3 tangent = (p[1] - p[0]) * (s * s) + (p[2] - p[1]) * (2 * s * t) + (p[3] - p[2]) * (t * t);
-      disc(at, tangent, radius);
+    for_rings(group, segment, kDiscPoints, [&](const dvec3& at) {
+      bound_in_axes(world_from_group_.point(at));
+      add(see([&](float time) { return (time == frame_ ? world_from_group_ : matrix(time)).point(at); }));
+    });
+  }
+
+  void mesh_surface(const MeshRow& row, PartSurface& to) const {
+    const Group& group = scene_.groups[size_t(row.group)];
+    const uint32_t first = uint32_t(to.points.size());
+    for (const uint32_t v : row.vertices) to.points.push_back(world_point(vertex(group, v, frame_)));
+    const auto number = [&](uint32_t v) {
+      return first + uint32_t(std::lower_bound(row.vertices.begin(), row.vertices.end(), v) - row.vertices.begin());
+    };
+    for (const uint32_t t : row.triangles) {
+      const uint32_t* v = &scene_.indices[3 * t];
+      add_triangle(to, number(v[0]), number(v[1]), number(v[2]));
     }
+  }
+
+  void ball_surface(const daffine& group_from_ball, PartSurface& to) const {
+    constexpr uint32_t rings = PartSurface::kSphereRings, around = 2 * rings;
+    const uint32_t first = uint32_t(to.points.size());
+    const auto put = [&](const dvec3& p) {
+      to.points.push_back(world_point(world_from_group_.point(group_from_ball.point(p))));
+    };
+    put({0, -1, 0}), put({0, 1, 0});
+    for (uint32_t k = 1; k < rings; ++k)
+      for (uint32_t i = 0; i < around; ++i) {
+        const double phi = 2 * kPi * i / around, theta = kPi * k / rings;
+        put({std::sin(theta) * std::cos(phi), -std::cos(theta), std::sin(theta) * std::sin(phi)});
+      }
+    const auto at = [&](uint32_t k, uint32_t i) {
+      return k == 0 ? first : k == rings ? first + 1 : first + 2 + (k - 1) * around + i % around;
+    };
+    for (uint32_t k = 0; k < rings; ++k)
+      for (uint32_t i = 0; i < around; ++i) {
+        if (k > 0) add_triangle(to, at(k, i), at(k + 1, i), at(k, i + 1));
+        if (k + 1 < rings) add_triangle(to, at(k, i + 1), at(k + 1, i), at(k + 1, i + 1));
+      }
+  }
+
+  void curve_surface(const Group& group, size_t segment, PartSurface& to) const {
+    constexpr uint32_t sides = PartSurface::kTubeSides;
+    const uint32_t first = uint32_t(to.points.size());
+    for_rings(group, segment, sides, [&](const dvec3& p) { to.points.push_back(world_point(world_from_group_.point(p))); });
+    for (uint32_t k = 0; k + 1 < kCurvePoints; ++k)
+      for (uint32_t i = 0; i < sides; ++i) {
+        const uint32_t a = first + k * sides + i, b = first + k * sides + (i + 1) % sides;
+        add_triangle(to, a, b, a + sides), add_triangle(to, b, b + sides, a + sides);
+      }
   }
 
   ProjectedPoint point(const dvec3& world) const {
@@ -245,20 +296,43 @@ class PartMeasure {
     f[0] = std::min(f[0], seen.x), f[1] = std::min(f[1], seen.y), f[2] = std::max(f[2], seen.x), f[3] = std::max(f[3], seen.y);
   }
 
-  // A disc across a tube.
-  void disc(const dvec3& middle, const dvec3& tangent, double radius) {
+  // Calls f(point) for the points of discs across a tube, in the part's group, one disc after the other.
+  template <class F>
+  void for_rings(const Group& group, size_t segment, int sides, const F& f) const {
+    const CurveTable& curves = scene_.curves;
+    dvec3 p[4];
+    double r[4];
+    for (int k = 0; k < 4; ++k) control_point(group, uint32_t(curves.first_point[segment]) + uint32_t(k), p[k], r[k]);
+    for (int i = 0; i < kCurvePoints; ++i) {
+      const double t = double(i) / (kCurvePoints - 1), s = 1 - t;
+      const double w[4] = {s * s * s, 3 * s * s * t, 3 * s * t * t, t * t * t};
+      dvec3 at(0.0);
+      double radius = 0;
+      for (int k = 0; k < 4; ++k) at = at + p[k] * w[k], radius += r[k] * w[k];
+      const dvec3 tangent = (p[1] - p[0]) * (s * s) + (p[2] - p[1]) * (2 * s * t) + (p[3] - p[2]) * (t * t);
+      for_disc(at, tangent, radius, sides, f);
+    }
+  }
+  template <class F>
+  void for_disc(const dvec3& middle, const dvec3& tangent, double radius, int sides, const F& f) const {
     const double length = std::sqrt(dot(tangent, tangent));
     const dvec3 n = length > 0 ? tangent * (1 / length) : dvec3{0, 0, 1};
     const dvec3 any = std::abs(n.x) < 0.6 ? dvec3{1, 0, 0} : dvec3{0, 1, 0};
     dvec3 u = cross(n, any);
     u = u * (1 / std::sqrt(dot(u, u)));
     const dvec3 v = cross(n, u);
-    for (int i = 0; i < kDiscPoints; ++i) {
-      const double phi = 2 * kPi * i / kDiscPoints;
-      const dvec3 at = middle + (u * std::cos(phi) + v * std::sin(phi)) * radius;
-      bound_in_axes(world_from_group_.point(at));
-      add(see([&](float time) { return (time == frame_ ? world_from_group_ : matrix(time)).point(at); }));
+    for (int i = 0; i < sides; ++i) {
+      const double phi = 2 * kPi * i / sides;
+      f(middle + (u * std::cos(phi) + v * std::sin(phi)) * radius);
     }
+  }
+
+  dvec3 world_point(const dvec3& p) const { return scene_.origin + p * (1 / scene_.scale); }
+  // Adds a triangle that is counterclockwise from outside in the part's group.
+  void add_triangle(PartSurface& to, uint32_t a, uint32_t b, uint32_t c) const {
+    const daffine& m = world_from_group_;
+    if (dot(m.x, cross(m.y, m.z)) < 0) std::swap(b, c);
+    to.corners.insert(to.corners.end(), {a, b, c});
   }
 
   // Where the camera sees what is at place(time): with a rolling shutter at the time of the row and column that it is seen in.
@@ -332,14 +406,7 @@ std::vector<std::pair<int32_t, int32_t>> shapes_of_groups(const Scene& scene) {
 std::vector<Extent> find_extents(const Scene& scene, int threads, const std::vector<ScenePart>& parts,
                                  const std::vector<daffine>& axes) {
   const std::map<int32_t, MeshRow> rows = mesh_rows(scene, parts);
-  // Segments of curves by row.
-  std::map<int32_t, std::vector<std::pair<int32_t, size_t>>> segments;
-  for (size_t g = 0; g < scene.groups.size(); ++g)
-    for (const CurveRange* range : {&scene.groups[g].curves.still, &scene.groups[g].curves.moving})
-      for (uint32_t i = 0; i < range->segments; ++i) {
-        const size_t segment = range->segment + i;
-        segments[scene.curves.row[size_t(scene.curves.run[segment])]].emplace_back(int32_t(g), segment);
-      }
+  const CurveSegments segments = curve_segments(scene);
   std::vector<Extent> found(parts.size());
   std::atomic<size_t> next{0};
   const auto work = [&] {
@@ -363,6 +430,25 @@ std::vector<Extent> find_extents(const Scene& scene, int threads, const std::vec
   std::vector<std::thread> pool;
   for (size_t i = 0; i < std::min(parts.size(), size_t(std::max(threads, 1))); ++i) pool.emplace_back(work);
   for (std::thread& t : pool) t.join();
+  return found;
+}
+
+PartSurface find_surface(const Scene& scene, const ScenePart& part) {
+  const PartMeasure measure(scene, part, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)});
+  PartSurface found;
+  if (part.shape >= 0) {
+    measure.mesh_surface(mesh_rows(scene, {part}).at(part.shape), found);
+    return found;
+  }
+  const int32_t row = -2 - part.shape;
+  const CurveSegments segments = curve_segments(scene);
+  if (const auto of = segments.find(row); of != segments.end())
+    for (const auto& [g, segment] : of->second) measure.curve_surface(scene.groups[size_t(g)], segment, found);
+  for (const Group& group : scene.groups)
+    for_curved_kinds([&]<class K>(K) {
+      const CurvedRange& range = group.curved.of<K>();
+      if (range.has_row(row)) measure.ball_surface(scene.curved.records<K>()[range.record_of(row)].to_group(), found);
+    });
   return found;
 }
 

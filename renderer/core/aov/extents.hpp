@@ -36,6 +36,15 @@ std::vector<std::pair<int32_t, int32_t>> shapes_of_groups(const Scene& scene);
 std::vector<Extent> find_extents(const Scene& scene, int threads, const std::vector<ScenePart>& parts,
                                  const std::vector<daffine>& axes);
 
+// Triangles of a part at the frame's time: those of meshes; spheres as grids of kSphereRings rings; curves as tubes of
+// kTubeSides sides, without caps.
+struct PartSurface {
+  static constexpr uint32_t kSphereRings = 32, kTubeSides = 8;
+  std::vector<dvec3> points;      // world, scene units
+  std::vector<uint32_t> corners;  // three points a triangle, counterclockwise from outside
+};
+PartSurface find_surface(const Scene& scene, const ScenePart& part);
+
 // Where the camera sees points of the world, which stay where they are; `seen` is false for those that it sees nowhere.
 struct ProjectedPoint {
   bool seen;

@@ -164,18 +164,37 @@ NumberedLayers numbered(const LayerPoints& points) {
   return found;
 }
 
+namespace {
+
+// Calls f(thing, ray, is_first) once for each thing that a ray passes.
+template <class F>
+void for_things_passed(const NumberedLayers& layers, std::span<const int32_t> places, std::span<const int32_t> parents,
+                       const F& f) {
+  std::vector<uint32_t> latest(parents.size());  // the latest ray that passed a thing, from 1
+  for (size_t ray = 0; ray < layers.first.size(); ++ray)
+    for (uint32_t k = layers.begin[ray]; k < layers.begin[ray + 1]; ++k)
+      // What holds a thing that the ray has passed before has been visited with it.
+      for (int32_t at = places[size_t(layers.numbers[k])]; at >= 0 && latest[size_t(at)] != ray + 1; at = parents[size_t(at)]) {
+        latest[size_t(at)] = uint32_t(ray + 1);
+        f(at, ray, k == layers.begin[ray]);
+      }
+}
+
+}  // namespace
+
 RayCounts rays_by_thing(const NumberedLayers& layers, std::span<const int32_t> places, std::span<const int32_t> parents) {
   RayCounts counts{std::vector<int64_t>(parents.size()), std::vector<int64_t>(parents.size())};
-  std::vector<uint32_t> latest(parents.size());  // the latest ray that passed a thing, from 1
-  for (size_t ray = 0; ray < layers.first.size(); ++ray) {
-    for (uint32_t k = layers.begin[ray]; k < layers.begin[ray + 1]; ++k)
-      // What holds a thing that the ray has passed before has been counted with it.
-      for (int32_t at = places[size_t(layers.numbers[k])]; at >= 0 && latest[size_t(at)] != ray + 1; at = parents[size_t(at)]) {
-        ++counts.passing[size_t(at)], latest[size_t(at)] = uint32_t(ray + 1);
-        if (k == layers.begin[ray]) ++counts.first[size_t(at)];
-      }
-  }
+  for_things_passed(layers, places, parents, [&](int32_t thing, size_t, bool is_first) {
+    ++counts.passing[size_t(thing)], counts.first[size_t(thing)] += is_first;
+  });
   return counts;
+}
+
+std::vector<std::array<int32_t, 2>> rays_passing_things(const NumberedLayers& layers, std::span<const int32_t> places,
+                                                        std::span<const int32_t> parents) {
+  std::vector<std::array<int32_t, 2>> found;
+  for_things_passed(layers, places, parents, [&](int32_t thing, size_t ray, bool) { found.push_back({thing, int32_t(ray)}); });
+  return found;
 }
 
 }  // namespace primray

@@ -177,6 +177,10 @@ struct RayCounts {
 };
 RayCounts rays_by_thing(const NumberedLayers& layers, std::span<const int32_t> places, std::span<const int32_t> parents);
 
+// The same rays one by one: pairs of a thing and a ray that passes it, in the order of rays.
+std::vector<std::array<int32_t, 2>> rays_passing_things(const NumberedLayers& layers, std::span<const int32_t> places,
+                                                        std::span<const int32_t> parents);
+
 // Finds the layers of all points on threads, W = `lanes` rays at a time; no bit depends on either. Points are seen at the
 // frame's time, with a rolling shutter in the middle of their row's and column's exposure.
 void find_layers(const Scene& scene, int lanes, int threads, LayerPoints& points);

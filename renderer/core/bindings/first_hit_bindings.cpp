@@ -141,18 +141,33 @@ OutArray<int32_t, 2> parts_of_layers(const NumberedLayers& layers) {
   return to_numpy(std::move(rows), {layers.parts.size(), 3});
 }
 
-// `places`: (K) the thing of each part; `parents`: (T) the thing that holds each, -1: none. Returns (T) rays that pass each
-// thing, and (T) those that hit it first.
-std::tuple<OutArray<int64_t, 1>, OutArray<int64_t, 1>> count_rays(const NumberedLayers& layers, const InArray<int32_t>& places,
-                                                                  const InArray<int32_t>& parents) {
+// `places`: (K) the thing of each part; `parents`: (T) the thing that holds each, -1: none.
+void check_things(const NumberedLayers& layers, const InArray<int32_t>& places, const InArray<int32_t>& parents) {
   if (places.size() != layers.parts.size()) throw Error("internal", "there is not one thing for each part");
   const auto held = [&](const InArray<int32_t>& of) {
     return std::all_of(of.data(), of.data() + of.size(), [&](int32_t at) { return at < int32_t(parents.size()); });
   };
   if (!held(places) || !held(parents)) throw Error("internal", "there is no thing of that number");
+}
+
+// Returns (T) rays that pass each thing, and (T) those that hit it first.
+std::tuple<OutArray<int64_t, 1>, OutArray<int64_t, 1>> count_rays(const NumberedLayers& layers, const InArray<int32_t>& places,
+                                                                  const InArray<int32_t>& parents) {
+  check_things(layers, places, parents);
   RayCounts counts = rays_by_thing(layers, {places.data(), places.size()}, {parents.data(), parents.size()});
   const size_t n = parents.size();
   return {to_numpy(std::move(counts.passing), {n}), to_numpy(std::move(counts.first), {n})};
+}
+
+// Returns (N, 2) thing and ray, in the order of rays.
+OutArray<int32_t, 2> rays_passing(const NumberedLayers& layers, const InArray<int32_t>& places,
+                                  const InArray<int32_t>& parents) {
+  check_things(layers, places, parents);
+  std::vector<int32_t> rows;
+  for (const auto& pair : rays_passing_things(layers, {places.data(), places.size()}, {parents.data(), parents.size()}))
+    rows.insert(rows.end(), pair.begin(), pair.end());
+  const size_t n = rows.size() / 2;
+  return to_numpy(std::move(rows), {n, 2});
 }
 
 // `origins` and `directions`: (N, 3) in the world; `times`: (N) within the span; `reach`: where rays begin and end, in scene
@@ -226,6 +241,21 @@ std::tuple<OutArray<double, 2>, OutArray<double, 1>, OutArray<double, 3>, OutArr
           to_numpy(std::move(unseen), {n})};
 }
 
+// Returns the surface of a part, given by shape, instance and outer instance: (N, 3) points in the world, and (M, 3) triangles.
+std::tuple<OutArray<double, 2>, OutArray<uint32_t, 2>> surface_of_part(const Scene& scene, int32_t shape, int32_t instance,
+                                                                       int32_t outer) {
+  std::vector<double> points;
+  std::vector<uint32_t> corners;
+  {
+    const nb::gil_scoped_release released;
+    PartSurface surface = find_surface(scene, {shape, instance, outer, 0});
+    for (const dvec3& p : surface.points) points.insert(points.end(), {p.x, p.y, p.z});
+    corners = std::move(surface.corners);
+  }
+  const size_t n = points.size() / 3, m = corners.size() / 3;
+  return {to_numpy(std::move(points), {n, 3}), to_numpy(std::move(corners), {m, 3})};
+}
+
 // `points`: (N, 3) in the world. Returns (N, 3) x and y in pixels of the frame, NaN where they are not seen, and depth.
 OutArray<double, 2> project(const Scene& scene, const InArray<double>& points) {
   std::vector<dvec3> world;
@@ -262,7 +292,8 @@ void bind_first_hit(nb::module_& m) {
       .def("parts", &parts_of_layers)
       .def("first", [](const NumberedLayers& l) { return to_numpy(std::vector<int32_t>(l.first), {l.first.size()}); })
       .def("depth", [](const NumberedLayers& l) { return to_numpy(std::vector<float>(l.depth), {l.depth.size()}); })
-      .def("count_rays", &count_rays, nb::arg("places"), nb::arg("parents"));
+      .def("count_rays", &count_rays, nb::arg("places"), nb::arg("parents"))
+      .def("rays_passing", &rays_passing, nb::arg("places"), nb::arg("parents"));
   m.def("numbered_layers", &numbered_layers, nb::arg("scene"), nb::arg("positions"), nb::arg("first_only"), nb::arg("lanes"),
         nb::arg("threads"));
   m.def("layers", &layers, nb::arg("scene"), nb::arg("positions"), nb::arg("first_only"), nb::arg("lanes"), nb::arg("threads"));
@@ -270,6 +301,7 @@ void bind_first_hit(nb::module_& m) {
         nb::arg("weights"), nb::arg("least_alpha"), nb::arg("least_strength"), nb::arg("lanes"), nb::arg("threads"));
   m.def("project", &project, nb::arg("scene"), nb::arg("points"));
   m.def("parts_of_groups", &parts_of_groups, nb::arg("scene"));
+  m.def("surface_of_part", &surface_of_part, nb::arg("scene"), nb::arg("shape"), nb::arg("instance"), nb::arg("outer"));
   m.def("extents", &extents, nb::arg("scene"), nb::arg("parts"), nb::arg("axes"), nb::arg("threads"));
 }
 

@@ -42,6 +42,7 @@ from .passes import (
     render,
     render_pass,
     returns,
+    surface_of_part,
 )
 from .scene import CoreScene, Splits, build, dice
 
@@ -86,6 +87,7 @@ __all__ = [
     "returns",
     "runnable_isas",
     "samples_of_replicates",
+    "surface_of_part",
     "threads",
     "uniform_ends",
     "versions",

@@ -1269,6 +1269,9 @@ class NumberedLayers:
     def count_rays(
         self, places: NDArray[numpy.int32], parents: NDArray[numpy.int32]
     ) -> tuple[Annotated[NDArray[numpy.int64], {"shape": (None,)}], Annotated[NDArray[numpy.int64], {"shape": (None,)}]]: ...
+    def rays_passing(
+        self, places: NDArray[numpy.int32], parents: NDArray[numpy.int32]
+    ) -> Annotated[NDArray[numpy.int32], {"shape": (None, None)}]: ...
 
 def numbered_layers(
     scene: Scene, positions: NDArray[numpy.float32], first_only: bool, lanes: int, threads: int
@@ -1299,6 +1302,11 @@ def returns(
 ]: ...
 def project(scene: Scene, points: NDArray[numpy.float64]) -> Annotated[NDArray[numpy.float64], {"shape": (None, None)}]: ...
 def parts_of_groups(scene: Scene) -> Annotated[NDArray[numpy.int32], {"shape": (None, None)}]: ...
+def surface_of_part(
+    scene: Scene, shape: int, instance: int, outer: int
+) -> tuple[
+    Annotated[NDArray[numpy.float64], {"shape": (None, None)}], Annotated[NDArray[numpy.uint32], {"shape": (None, None)}]
+]: ...
 def extents(
     scene: Scene, parts: NDArray[numpy.int32], axes: NDArray[numpy.float64], threads: int
 ) -> tuple[

@@ -318,6 +318,15 @@ def extents(scene: CoreScene, parts: npt.ArrayLike, axes: npt.ArrayLike, setting
     return Extents(film, nearest, corners)
 
 
+def surface_of_part(scene: CoreScene, part: Sequence[int]) -> tuple[Doubles, npt.NDArray[np.uint32]]:
+    """Return points (N, 3) in the world and triangles (M, 3) of a part, given by shape, instance and outer instance.
+
+    They are those of the frame's time. Spheres are grids of points on them, curves tubes of 8 sides.
+    """
+    shape, instance, outer = part
+    return compiled.surface_of_part(scene._scene, shape, instance, outer)
+
+
 def parts_of_groups(scene: CoreScene) -> npt.NDArray[np.int32]:
     """Return group and shape (K, 2) of everything in the core's groups; group 0 is in the world itself."""
     return compiled.parts_of_groups(scene._scene)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import PrimrayError
+from ..errors import PrimrayError, SettingsError
 from .config import Config
 from .ledger import flush, record_of, sample_folder, sample_name
 from .lock_file import Lock
@@ -126,6 +126,16 @@ def pack(config: Config, lock: Lock, folder: Path) -> list[str]:
         flush(folder)
         shutil.rmtree(old, ignore_errors=True)
     return notes
+
+
+def check_pinhole(format_name: str, sample: Sample) -> None:
+    """Raise SettingsError unless the sample's camera has an intrinsic matrix."""
+    if sample.record["camera"]["intrinsics"] is None:
+        raise SettingsError(
+            f"{format_name} needs cameras with an intrinsic matrix: perspective ones, without settings: panorama",
+            where=f"sample {sample.index}",
+            code="dataset-camera",
+        )
 
 
 def link(source: Path, target: Path) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ from .variations import Phase, SampleState
 if TYPE_CHECKING:
     from ..diagnostics import Diagnostics
     from ..images.image import Image
+    from ..labels.shapes import ThingShape
     from ..render.first_hits import FirstHits
     from .config import Config
 
@@ -117,6 +118,21 @@ class Sampler:
             return self._kept.first_hits(settings, _untold)
         # The record has no error of the picture, which costs a tenth of a small one.
         return self._kept.render(settings, None, "raise", None, (), _untold, measures_error=False)
+
+    def shapes(self, index: int, paths: Collection[str]) -> dict[str, ThingShape]:
+        """Return the shapes of labelled things as a sample has them, by path; those without a surface are left out."""
+        from ..diagnostics import Diagnostics
+        from ..labels.shapes import shapes_of
+        from ..report.report import Costs
+
+        assert self._config.labels is not None
+        _, settings = self.apply(index)
+        settings = {**self._config.settings, **settings, "aovs": self._aovs({})}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # diagnostics are in the record
+            wanted = with_values(RenderSettings(threads=self._threads), settings)
+            prepared = self._kept.prepare(wanted, Costs(), Diagnostics())
+        return shapes_of(prepared, self._config.labels.taxonomy, paths)
 
     def _aovs(self, settings: dict[str, Any]) -> list[str]:
         asked = list(settings.get("aovs", ()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -108,17 +108,32 @@ class Passed:
 
     def counts(self, things: TaxonomyThings) -> Counts:
         """Return how many of the rays pass each thing and hit it first, with the things that it holds."""
+        return Counts(*self._layers.count_rays(*self._places(things)))
+
+    def rays(self, things: TaxonomyThings) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """Return things and rays (N), each ray with each thing that it passes, by thing, and of one thing in their order."""
+        thing, ray = self._layers.rays_passing(*self._places(things)).T
+        order = np.argsort(thing, kind="stable")
+        return thing[order], ray[order]
+
+    def _places(self, things: TaxonomyThings) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """Return the thing of each part, and what holds each thing."""
         places = things.places()[self.parts] if len(self.parts) else np.zeros(0, np.int64)
-        return Counts(*self._layers.count_rays(places.astype(np.int32), np.array(things.hierarchy.parents, np.int32)))
+        return places.astype(np.int32), np.array(things.hierarchy.parents, np.int32)
 
 
 def passed_by(
     scene: CoreScene, points: npt.ArrayLike, parts: PartNames, settings: RenderSettings, *, first_only: bool = False
 ) -> Iterator[Passed]:
     """Yield what rays through points (N, 2) of the frame pass, or only the first of it, in bands of the points."""
-    points = np.asarray(points, np.float32).reshape(-1, 2)
+    for band in in_bands(np.asarray(points, np.float32).reshape(-1, 2)):
+        yield Passed(core.numbered_layers(scene, band, settings, first_only=first_only), parts)
+
+
+def in_bands(points: npt.NDArray[Any]) -> Iterator[npt.NDArray[Any]]:
+    """Yield points (N, 2) in the bands that `passed_by` makes of them."""
     for begin in range(0, len(points), BAND):
-        yield Passed(core.numbered_layers(scene, points[begin : begin + BAND], settings, first_only=first_only), parts)
+        yield points[begin : begin + BAND]
 
 
 def wilson_interval(hits: int, of: int) -> tuple[float, float]:

@@ -16,7 +16,8 @@ import numpy.typing as npt
 from .. import core
 from ..arrays import Doubles, Floats
 from .boxes import bounds_of, box_3d, parts_of_scene
-from .layers import NO_COUNTS, Counts, Numbers, PartNames, Passed, TaxonomyThings, passed_by, wilson_interval
+from .layers import NO_COUNTS, Counts, Numbers, PartNames, Passed, TaxonomyThings, in_bands, passed_by, wilson_interval
+from .silhouettes import Silhouettes
 from .things import Box, Box3D, Depth, Keypoint
 
 if TYPE_CHECKING:
@@ -65,7 +66,11 @@ class Survey:
         bounds = bounds_of(self._scene, self._all_parts, self._parts, things, labelled, self._settings)
         film = bounds.film - np.array([self._window.x, self._window.y] * 2)
         inside = sum((band.counts(things) for band in self._bands), NO_COUNTS).sized(len(film))
-        outside = self._outside(things, film).sized(len(film))
+        silhouettes = Silhouettes(len(film), self._window) if self._settings.silhouettes else None
+        outside = self._outside(things, film, silhouettes).sized(len(film))
+        if silhouettes is not None:
+            for band, points in zip(self._bands, in_bands(_centres(self._window)), strict=True):
+                silhouettes.add(points, *band.rays(things))
         means = _mean_depths(things, places, depth)
         found: dict[int, dict[str, Any]] = {}
         for n in np.flatnonzero((inside.passing + outside.passing > 0) | self._is_on_canvas(film)).tolist():
@@ -91,10 +96,12 @@ class Survey:
                     center=None if oriented is None else float(oriented.camera_from_box[2][3]),
                 ),
             }
+            if silhouettes is not None:
+                found[n]["silhouette"] = silhouettes.of(n)
         self._add_keypoints(found, things)
         return found
 
-    def _outside(self, things: TaxonomyThings, film: Doubles) -> Counts:
+    def _outside(self, things: TaxonomyThings, film: Doubles, silhouettes: Silhouettes | None) -> Counts:
         """Return the counts of rays on the canvas around the frame, where things go beyond the frame."""
         width, height = self._window.width, self._window.height
         wanted = np.zeros((3 * height, 3 * width), bool)
@@ -107,8 +114,12 @@ class Survey:
         wanted[height : 2 * height, width : 2 * width] = False
         y, x = np.nonzero(wanted)
         points = np.stack([x + 0.5 - width + self._window.x, y + 0.5 - height + self._window.y], axis=1)
-        bands = passed_by(self._scene, points, self._parts, self._settings)
-        return sum((band.counts(things) for band in bands), NO_COUNTS)
+        counts = NO_COUNTS
+        for band, own in zip(passed_by(self._scene, points, self._parts, self._settings), in_bands(points), strict=True):
+            counts += band.counts(things)
+            if silhouettes is not None:
+                silhouettes.add(own, *band.rays(things))
+        return counts
 
     def _is_on_canvas(self, film: Doubles) -> npt.NDArray[np.bool_]:
         size = np.array([self._window.width, self._window.height])

@@ -58,6 +58,26 @@ class Keypoint:
 
 
 @dataclass(frozen=True)
+class Silhouette:
+    """What a thing would show if nothing hid it, with its holes and without what is less than half present.
+
+    `box` is on the canvas of 3 x 3 frames, x0, y0, x1, y1 of pixels with ends excluded; `counts` are the run lengths of the
+    mask in the frame as COCO has them: down the columns, the first is of pixels outside.
+    """
+
+    box: Sequence[int]
+    size: Sequence[int]  # height and width of the frame
+    counts: Sequence[int]
+
+    @property
+    def mask(self) -> npt.NDArray[np.bool_]:
+        """The pixels (H, W) of the frame."""
+        height, width = self.size
+        values = np.repeat(np.arange(len(self.counts)) % 2 == 1, self.counts)
+        return np.ascontiguousarray(values.reshape(width, height).T)
+
+
+@dataclass(frozen=True)
 class Thing:
     """A labelled prim in a picture, as an entry of the report's `labels.things`.
 
@@ -84,6 +104,7 @@ class Thing:
     box_3d: Box3D | None = None
     depth: Depth = Depth(None, None, None)
     keypoints: tuple[Keypoint, ...] = ()
+    silhouette: Silhouette | None = None  # of what the canvas has of it, where the setting `silhouettes` asks for it
 
     @property
     def visible_fraction(self) -> float:
@@ -103,13 +124,14 @@ class Thing:
         return 0 if self.occlusion < KITTI_PARTLY else 1 if self.occlusion <= KITTI_LARGELY else 2
 
     def as_json(self) -> dict[str, Any]:
-        """Return the thing as JSON-compatible values."""
-        return {("class" if name == "class_name" else name): _as_json(value) for name, value in vars(self).items()}
+        """Return the thing as JSON-compatible values; without `silhouette` where there is none."""
+        own = {name: value for name, value in vars(self).items() if name != "silhouette" or value is not None}
+        return {("class" if name == "class_name" else name): _as_json(value) for name, value in own.items()}
 
 
 def _as_json(value: Any) -> Any:
     """Return records as objects and tuples as lists; dataclasses.asdict copies each number of their matrices."""
-    if isinstance(value, Box3D | Depth | Keypoint):
+    if isinstance(value, Box3D | Depth | Keypoint | Silhouette):
         return {name: _as_json(inner) for name, inner in vars(value).items()}
     return [_as_json(inner) for inner in value] if isinstance(value, tuple) else value
 
@@ -122,6 +144,7 @@ def thing_of_json(says: Mapping[str, Any]) -> Thing:
     own["box_3d"] = None if own.get("box_3d") is None else Box3D(**own["box_3d"])
     own["depth"] = Depth(**own["depth"])
     own["keypoints"] = tuple(map(_keypoint_of_json, own["keypoints"]))
+    own["silhouette"] = None if own.get("silhouette") is None else Silhouette(**own["silhouette"])
     return Thing(**own)
 
 

@@ -1019,6 +1019,18 @@ class RenderSettings:
             commands=frozenset({"render"}),
         ),
     )
+    # Whether labelled things have the mask of all of them, whatever hides it, with their other measures.
+    silhouettes: bool = setting(
+        False,
+        yes_or_no,
+        seldom=True,
+        flag=Flag(
+            ("--silhouettes",),
+            "Measure the silhouette of each labelled thing, whatever hides it; with --aov object_instance:TAXONOMY.",
+            commands=frozenset({"render", "submit"}),
+        ),
+        member=Member("Measure silhouettes of labelled things, whatever hides them, for the report."),
+    )
     session_layer: str | None = setting(
         None,
         file,

@@ -98,4 +98,5 @@ class SettingsValues(TypedDict, total=False):
     load: Iterable[str] | None
     mask: Iterable[str] | None
     label_table: str | os.PathLike[str] | None
+    silhouettes: bool
     session_layer: str | os.PathLike[str] | None

@@ -83,3 +83,4 @@ class Settings(TypedDict, total=False):
         | None
     )
     mixes: list[str]
+    silhouettes: bool

@@ -139,6 +139,7 @@ NONSENSE: dict[str, list[Any]] = {
     "mask": ["/World", ["World"], []],
     "joint_products": ["/Render/p", [3]],
     "label_table": [3],
+    "silhouettes": ["yes"],
     "session_layer": [3],
 }
 

@@ -1,23 +1,27 @@
-"""BOP: train_pbr/000000/{rgb,depth,mask_visib}, scene_camera.json, scene_gt.json, scene_gt_info.json, and camera.json.
+"""BOP: train_pbr/000000/{rgb,depth,mask,mask_visib}, scene_camera.json, scene_gt.json, scene_gt_info.json, models, camera.json.
 
-A thing's obj_id is the id of its class: things of one class are taken to be one model. Poses are cam_R_m2c (row-wise) and
-cam_t_m2c (mm) from the prim's own space, in OpenCV's axes; a prim's scale belongs into the model, as R has no place for it.
-Depth is 16 bits along Z, times depth_scale in mm. Boxes are those of bop_toolkit: width is max - min, so that one pixel has 0,
-and -1 -1 -1 -1 where nothing is seen. (bop_toolkit, docs/bop_datasets_format.md)
+Poses are cam_R_m2c (row-wise) and cam_t_m2c (mm) from the prim's own space, in OpenCV's axes; a prim's scale is in its model
+(bop_models.py), as R has no place for it. Depth is 16 bits along Z, times depth_scale in mm. Boxes are those of bop_toolkit:
+width is max - min, so that one pixel has 0, and -1 -1 -1 -1 where nothing is seen. `mask`, the boxes of silhouettes and exact
+counts of valid pixels need the setting `silhouettes`. (bop_toolkit, docs/bop_datasets_format.md; scripts/calc_gt_info.py)
 """
 
 from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..packing import Sample, link
-from .coco import box_of
+from ...images.image import write_png
+from ...labels.things import Silhouette
+from ..packing import Sample, check_pinhole, link
+from .bop_models import MOST_SHAPES, Models, learnt
+from .coco import box_of, classes_of
 
 if TYPE_CHECKING:
     from ...arrays import Doubles
@@ -25,7 +29,7 @@ if TYPE_CHECKING:
     from ..document import Entry
     from ..lock_file import Lock
 
-NEEDS_LABELS, PICTURES, AOVS = True, ("png", "npy"), ("depth",)
+NEEDS_LABELS, NEEDS_PINHOLE, PICTURES, AOVS = True, True, ("png", "npy"), ("depth",)
 SCENE = "train_pbr/000000"
 FINEST_MM = 0.1  # the usual depth_scale; farther pictures have a coarser one
 NOWHERE = [-1, -1, -1, -1]
@@ -39,15 +43,16 @@ def options(entry: Entry | None) -> dict[str, Any]:
 
 
 def write(samples: Iterable[Sample], config: Config, lock: Lock, asked: Any, folder: Path) -> list[str]:
-    from ...images.image import write_png
-
     scene = folder / SCENE
-    for name in ("depth", "mask_visib"):
+    has_silhouettes = bool(config.settings.get("silhouettes"))
+    for name in ("depth", "mask_visib", *(("mask",) if has_silhouettes else ())):
         (scene / name).mkdir(parents=True)
     cameras, poses, infos = dict[str, Any](), dict[str, list[Any]](), dict[str, list[Any]]()
-    left_out = {"without a 3-D box": 0, "sheared": 0}
+    left_out: Counter[str] = Counter()
+    models = learnt(samples, config, lock, max((int(number) for _, number in classes_of(lock, config)), default=0))
     first: dict[str, Any] | None = None
     for sample in samples:
+        check_pinhole("BOP", sample)
         key = str(sample.index)
         link(sample.file("picture"), scene / "rgb" / f"{sample.name}.png")
         depth, scale = depth_image(sample)
@@ -61,19 +66,34 @@ def write(samples: Iterable[Sample], config: Config, lock: Lock, asked: Any, fol
         }
         poses[key], infos[key] = [], []
         for place, thing in enumerate(sample.things):
-            pose = pose_of(thing, sample)
+            pose = pose_of(thing, sample, models)
             if isinstance(pose, str):
                 left_out[pose] += 1
                 continue
-            mask = sample.mask(place)
+            visible = sample.mask(place)
+            whole = silhouette_of(thing, visible) if has_silhouettes else None
             name = f"{sample.name}_{len(poses[key]):06d}.png"
-            write_png((mask * np.uint8(255))[..., None], scene / "mask_visib" / name)
+            _write_mask(visible, scene / "mask_visib" / name)
+            if whole is not None:
+                _write_mask(whole, scene / "mask" / name)
             poses[key].append(pose)
-            infos[key].append(info_of(thing, mask))
+            infos[key].append(info_of(thing, visible, None if whole is None else int((whole & (depth > 0)).sum())))
     for name, says in (("scene_camera", cameras), ("scene_gt", poses), ("scene_gt_info", infos)):
         (scene / f"{name}.json").write_text(json.dumps(says) + "\n", encoding="utf-8")
     (folder / "camera.json").write_text(json.dumps(first or {}) + "\n", encoding="utf-8")
-    return [f"{count} things are left out: {why}" for why, count in left_out.items() if count]
+    models.write(folder / "models", (pose["obj_id"] for of_image in poses.values() for pose in of_image))
+    notes = [f"{count} things are left out: {why}" for why, count in sorted(left_out.items())]
+    return notes + ([] if has_silhouettes else ["mask is left out: it needs settings: {silhouettes: true}"])
+
+
+def _write_mask(mask: np.ndarray[Any, Any], path: Path) -> None:
+    write_png((mask * np.uint8(255))[..., None], path)
+
+
+def silhouette_of(thing: dict[str, Any], visible: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return the pixels (H, W) of a thing, whatever hides it."""
+    said = thing.get("silhouette")
+    return np.zeros_like(visible) if said is None else Silhouette(**said).mask
 
 
 def metres_per_unit(sample: Sample) -> float:
@@ -107,7 +127,7 @@ def _intrinsics(sample: Sample) -> dict[str, float]:
     return {"fx": k[0][0], "fy": k[1][1], "cx": k[0][2], "cy": k[1][2]}
 
 
-def pose_of(thing: dict[str, Any], sample: Sample) -> dict[str, Any] | str:
+def pose_of(thing: dict[str, Any], sample: Sample, models: Models) -> dict[str, Any] | str:
     """Return the entry of scene_gt.json; or why a thing has none."""
     if thing["box_3d"] is None:
         return "without a 3-D box"
@@ -116,10 +136,13 @@ def pose_of(thing: dict[str, Any], sample: Sample) -> dict[str, Any] | str:
     rotation = rotation_of(pose[:3, :3])
     if rotation is None:
         return "sheared"
+    model = models.of(thing, sample)
+    if model is None:
+        return f"they have more than {MOST_SHAPES} shapes, or no surface"
     return {
         "cam_R_m2c": rotation.ravel().tolist(),
         "cam_t_m2c": (pose[:3, 3] * metres_per_unit(sample) * 1000).tolist(),
-        "obj_id": thing["class_id"],
+        "obj_id": model,
     }
 
 
@@ -133,19 +156,26 @@ def rotation_of(linear: Doubles) -> Doubles | None:
     return rotation if is_one else None
 
 
-def info_of(thing: dict[str, Any], mask: np.ndarray[Any, Any]) -> dict[str, Any]:
-    """Return the entry of scene_gt_info.json, with what the record has; px_count_valid is that of all."""
-    seen, every = int(mask.sum()), thing["pixels_all"]
-    x, y, w, h = box_of(mask) if seen else NOWHERE
-    whole = thing["box_all"]
-    said: dict[str, Any] = {
-        "bbox_obj": NOWHERE if whole is None else whole_pixels(whole),
+def info_of(thing: dict[str, Any], visible: np.ndarray[Any, Any], valid: int | None) -> dict[str, Any]:
+    """Return the entry of scene_gt_info.json; `valid`: pixels of the silhouette with a depth, or None for all in the frame."""
+    seen, every = int(visible.sum()), thing["pixels_all"]
+    x, y, w, h = box_of(visible) if seen else NOWHERE
+    return {
+        "bbox_obj": whole_box(thing) if seen else NOWHERE,
         "bbox_visib": [x, y, w - 1, h - 1] if seen else NOWHERE,
+        "px_count_all": every,
+        "px_count_valid": thing["pixels_in_frame"] if valid is None else valid,
         "px_count_visib": seen,
+        "visib_fract": seen / every if every else 0.0,
     }
-    if every is not None:
-        said |= {"px_count_all": every, "px_count_valid": every, "visib_fract": seen / every if every else 0.0}
-    return said
+
+
+def whole_box(thing: dict[str, Any]) -> list[int]:
+    """Return the box of a silhouette, whatever hides it or is beside the frame."""
+    if thing.get("silhouette") is not None:
+        x0, y0, x1, y1 = thing["silhouette"]["box"]
+        return [x0, y0, x1 - 1 - x0, y1 - 1 - y0]
+    return NOWHERE if thing["box_all"] is None else whole_pixels(thing["box_all"])
 
 
 def whole_pixels(box: Sequence[float]) -> list[int]:

@@ -29,6 +29,7 @@ NAMESPACE = "semantics:labels:"
 OLD, TYPE, DATA = "semantic:", ":params:semanticType", ":params:semanticData"
 # Keypoints: the name of a prim's origin, or the names of points in its space.
 KEYPOINT, KEYPOINTS = "primray:keypoint", "primray:keypoints"
+SYMMETRIES = "primray:symmetries"
 _PARTS = re.compile(r"/([^/\[\]]+)((?:\[\d+\])*)")
 _INDEX = re.compile(r"\d+")
 
@@ -179,6 +180,21 @@ class LabelledPrims:
             names += [str(text) for text in several[:count]]
             points += [[float(x) for x in point] for point in own[:count]]
         return names, points, None if radius is None else float(radius)
+
+    def symmetries(self, name: str) -> tuple[Doubles, Doubles]:
+        """Return authored symmetries of a labelled prim, in its own space.
+
+        Transforms (N, 4, 4), for points as column vectors, after which it looks the same; and axes (M, 2, 3), about any turn of
+        which it does: a point and a direction.
+        """
+        if not (route := self._route(name)):
+            return np.zeros((0, 4, 4)), np.zeros((0, 2, 3))
+        prim = self.stage.GetPrimAtPath(route[-1].prim)
+        given = (read(prim, SYMMETRIES + tail, self.when) for tail in ("", ":axes", ":axes:points"))
+        matrices, axes, points = (np.array([] if each is None else each, np.float64) for each in given)
+        axes = axes.reshape(-1, 3)
+        points = np.resize(points.reshape(-1, 3), axes.shape) if points.size else np.zeros(axes.shape)
+        return matrices.reshape(-1, 4, 4).transpose(0, 2, 1), np.stack([points, axes], axis=1)
 
     def way(self, prim: str, instance: str) -> list[Step]:
         """Return the prims from the world's root down to what is seen: through the instance, if there is one, to the prim."""
