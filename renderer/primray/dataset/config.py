@@ -101,7 +101,7 @@ def _config_of(root: Entry, folder: Path) -> Config:
     stage = folder / fields["stage"].text()
     if not stage.exists():
         raise fields["stage"].fault(f"there is no file {stage}")
-    labels = _labels_of(fields["labels"]) if "labels" in fields else None
+    labels = _labels_of(fields["labels"], folder) if "labels" in fields else None
     varied = fields["vary"].items() if "vary" in fields else {}
     variations = {name: variation_of(entry, folder) for name, entry in varied.items()}
     settings = _settings_of(fields.get("settings"), folder)
@@ -117,6 +117,8 @@ def _config_of(root: Entry, folder: Path) -> Config:
     for name in write:
         if WRITERS[name].NEEDS_LABELS and labels is None:
             raise fields["write"].fault(f"{name} needs labels: write labels: {{taxonomy: class}}, or leave it out")
+        if WRITERS[name].NEEDS_PINHOLE and settings.get("panorama") is not None:
+            raise fields["write"].fault(f"{name} needs cameras with an intrinsic matrix, which a panorama has not")
         for needed in WRITERS[name].PICTURES:
             if needed not in pictures:
                 raise fields["write"].fault(f"{name} needs {needed} among the pictures")
@@ -183,15 +185,20 @@ def _settings_of(entry: Entry | None, folder: Path) -> dict[str, Any]:
     return found
 
 
-def _labels_of(entry: Entry) -> Labels:
+def _labels_of(entry: Entry, folder: Path) -> Labels:
     fields = entry.fields((), ("taxonomy", "table", "classes"))
     if "table" in fields and "classes" in fields:
         raise fields["classes"].fault("ids of classes are of a table or of a list, not both")
     classes = tuple(fields["classes"].texts()) if "classes" in fields else ()
     if len(set(classes)) < len(classes):
         raise fields["classes"].fault("a class is there twice")
+    if "table" in fields and not (folder / fields["table"].text()).is_file():
+        raise fields["table"].fault(f"there is no file {folder / fields['table'].text()}")
+    taxonomy = fields["taxonomy"].text() if "taxonomy" in fields else "class"
+    if not taxonomy:
+        raise fields["taxonomy"].fault("a taxonomy has a name, as in semantics:labels:class")
     return Labels(
-        taxonomy=fields["taxonomy"].text() if "taxonomy" in fields else "class",
+        taxonomy=taxonomy,
         table=fields["table"].text() if "table" in fields else None,
         classes=classes,
     )

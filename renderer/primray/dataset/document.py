@@ -14,6 +14,7 @@ from typing import Any
 from ..errors import SettingsError, did_you_mean
 
 CODE = "dataset-config"
+MOST_LEVELS, MOST_VALUES = 64, 1_000_000
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ def document_of_text(text: str, file: str) -> Entry:
         root = loader.get_single_node()
         if root is None:
             raise SettingsError("the document is empty", where=file, code=CODE)
-        return _entry_of_node(loader, root, "", file)
+        return _Reading(loader, file).entry(root, "")
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         place = file if mark is None else f"{file}:{mark.line + 1}"
@@ -161,29 +162,51 @@ def document_of_text(text: str, file: str) -> Entry:
         loader.dispose()
 
 
-def _entry_of_node(loader: Any, node: Any, key: str, file: str) -> Entry:
-    import yaml
+class _Reading:
+    """Makes entries of the nodes of one document; aliases of one anchor are as many values as they are written."""
 
-    line = node.start_mark.line + 1
-    if isinstance(node, yaml.MappingNode):
+    def __init__(self, loader: Any, file: str) -> None:
+        self._loader, self._file = loader, file
+        self._values = 0
+        self._depth = 0
+
+    def entry(self, node: Any, key: str) -> Entry:
+        line = node.start_mark.line + 1
+        self._values += 1
+        # An anchor that holds an alias of itself never ends; some that hold each other are more than any memory has.
+        if self._depth == MOST_LEVELS or self._values > MOST_VALUES:
+            what = f"{MOST_LEVELS} levels" if self._depth == MOST_LEVELS else f"{MOST_VALUES} values"
+            raise Entry(None, "", self._file, line).fault(f"there are more than {what}; an alias (*) may hold itself")
+        self._depth += 1
+        found = Entry(self._value(node, key), key, self._file, line)
+        self._depth -= 1
+        return found
+
+    def _value(self, node: Any, key: str) -> Any:
+        import yaml
+
+        if isinstance(node, yaml.MappingNode):
+            return self._fields(node, key)
+        if isinstance(node, yaml.SequenceNode):
+            return [self.entry(each, f"{key}[{k}]") for k, each in enumerate(node.value)]
+        value = self._loader.construct_object(node, deep=True)
+        # A date, which YAML 1.1 makes of 2026-01-01, is text.
+        return value if isinstance(value, str | bool | int | float | None) else node.value
+
+    def _fields(self, node: Any, key: str) -> dict[str, Entry]:
+        import yaml
+
         found: dict[str, Entry] = {}
         for name_node, value_node in node.value:
             name = name_node.value if isinstance(name_node, yaml.ScalarNode) else ""
-            place = Entry(name, _joined(key, name), file, name_node.start_mark.line + 1)
+            place = Entry(name, _joined(key, name), self._file, name_node.start_mark.line + 1)
             if not name:
                 raise place.fault("a key must be text")
             if name in found:
                 raise place.fault(f"the key {name!r} is there twice, first in line {found[name].line}")
-            made = _entry_of_node(loader, value_node, place.key, file)
-            found[name] = Entry(made.value, made.key, file, place.line)
-        return Entry(found, key, file, line)
-    if isinstance(node, yaml.SequenceNode):
-        items = [_entry_of_node(loader, each, f"{key}[{k}]", file) for k, each in enumerate(node.value)]
-        return Entry(items, key, file, line)
-    value = loader.construct_object(node, deep=True)
-    if not isinstance(value, str | bool | int | float | None):  # a date, which YAML 1.1 makes of 2026-01-01
-        value = node.value
-    return Entry(value, key, file, line)
+            made = self.entry(value_node, place.key)
+            found[name] = Entry(made.value, made.key, self._file, place.line)
+        return found
 
 
 def document_of_values(values: Any, name: str = "config", key: str = "") -> Entry:

@@ -100,3 +100,25 @@ def test_numbers_that_yaml_takes_for_text_are_numbers(tmp_path: Path) -> None:
     config = parsed(tmp_path, "vary:\n  x: {attribute: /World/lamp.inputs:intensity, to: {uniform: [1e1, 1e2]}}")
     drawn, _ = Sampler(config).apply(0)
     assert 10 <= drawn["x"]["/World/lamp.inputs:intensity"] <= 100
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "vary: &a\n  b: *a",
+        "vary: {a: &a [x, x, x, x, x, x, x, x, x, x]"
+        + "".join(f", {n}: &{n} [{', '.join([f'*{m}'] * 10)}]" for m, n in zip("abcdefgh", "bcdefghi", strict=True))
+        + "}",
+    ],
+)
+def test_aliases_without_end_are_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(SettingsError, match="an alias") as error:
+        parsed(tmp_path, text)
+    assert error.value.where.startswith("set.yaml:3")
+
+
+def test_a_table_that_is_not_there_and_a_taxonomy_without_a_name_are_refused(tmp_path: Path) -> None:
+    for text, key, says in (("{table: no.json}", "table", "there is no file"), ("{taxonomy: ''}", "taxonomy", "has a name")):
+        with pytest.raises(SettingsError, match=says) as error:
+            parsed(tmp_path, f"labels: {text}")
+        assert error.value.where == f"set.yaml:3: labels.{key}"

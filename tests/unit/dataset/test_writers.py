@@ -278,8 +278,35 @@ def test_kitti_boxes_hold_the_corners_of_the_3d_boxes(made: Path) -> None:
         ({"write": ["bop"], "labels": {}, "pictures": ["png"]}, "bop needs npy among the pictures"),
         ({"write": ["bop"], "labels": {}, "settings": {"spp": 1}}, "bop needs the AOV depth"),
         ({"write": {"hdf5": {"levle": 3}}}, "did you mean level"),
+        (
+            {"write": ["kitti"], "labels": {}, "settings": {"panorama": "lat-long"}},
+            "kitti needs cameras with an intrinsic matrix",
+        ),
     ],
 )
 def test_what_a_format_needs_is_said_ahead(tmp_path: Path, changes: dict[str, Any], says: str) -> None:
     with pytest.raises(SettingsError, match=says):
         config_in(tmp_path, **changes)
+
+
+def test_a_format_of_pinholes_says_which_sample_is_none(tmp_path: Path) -> None:
+    config = config_in(tmp_path, labels={"classes": ["ball", "box"]}, samples=1, write=["kitti"], vary=None)
+    stage = tmp_path / "room.usda"
+    parallel = 'def Camera "view"\n    {\n        token projection = "orthographic"\n    }\n    def SphereLight "lamp"'
+    stage.write_text(stage.read_text().replace('def SphereLight "lamp"', parallel))
+    with pytest.raises(SettingsError, match="KITTI needs cameras with an intrinsic matrix") as error:
+        make(config, tmp_path / "out")
+    assert error.value.where == "sample 0"
+
+
+def test_a_set_without_things_is_one_that_readers_read(tmp_path: Path) -> None:
+    import yaml
+
+    labels = {"taxonomy": "nothing"}
+    make(
+        config_in(tmp_path, labels=labels, samples=1, write=["coco", "kitti", "bop", "yolo", "yolo-segment"]), tmp_path / "out"
+    )
+    assert yaml.safe_load((tmp_path / "out/yolo/data.yaml").read_text())["names"] == {}
+    assert (tmp_path / "out/yolo-segment/labels/train/000000.txt").read_text() == ""
+    assert json.loads((tmp_path / "out/bop/train_pbr/000000/scene_gt.json").read_text()) == {"0": []}
+    assert json.loads((tmp_path / "out/bop/models/models_info.json").read_text()) == {}

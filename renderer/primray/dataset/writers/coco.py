@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..document import Entry
     from ..lock_file import Lock
 
-NEEDS_LABELS, PICTURES, AOVS = True, ("png",), ()
+NEEDS_LABELS, NEEDS_PINHOLE, PICTURES, AOVS = True, False, ("png",), ()
 FILE, IMAGES = "annotations.json", "images"
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..document import Entry
     from ..lock_file import Lock
 
-NEEDS_LABELS, PICTURES, AOVS = False, (), ()
+NEEDS_LABELS, NEEDS_PINHOLE, PICTURES, AOVS = False, False, (), ()
 FILE = "dataset.h5"
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..packing import Sample, link
+from ..packing import Sample, check_pinhole, link
 
 if TYPE_CHECKING:
     from ...arrays import Doubles
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..document import Entry
     from ..lock_file import Lock
 
-NEEDS_LABELS, PICTURES, AOVS = True, ("png",), ()
+NEEDS_LABELS, NEEDS_PINHOLE, PICTURES, AOVS = True, True, ("png",), ()
 PITCHED = 1e-3  # a box whose axis is off the camera's y by more, in sine, is loosened
 NOTHING = "-1 -1 -1 -1000 -1000 -1000 -10"
 
@@ -41,6 +41,7 @@ def write(samples: Iterable[Sample], config: Config, lock: Lock, asked: Any, fol
         (base / name).mkdir(parents=True)
     loosened = flat = 0
     for sample in samples:
+        check_pinhole("KITTI", sample)
         link(sample.file("picture"), base / "image_2" / f"{sample.name}.png")
         lines = []
         for thing in sample.things:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..document import Entry
     from ..lock_file import Lock
 
-NEEDS_LABELS, PICTURES, AOVS = True, ("png",), ()
+NEEDS_LABELS, NEEDS_PINHOLE, PICTURES, AOVS = True, False, ("png",), ()
 Values = Callable[[Sample, dict[str, Any], Any], Iterable[float]]  # of a sample's thing with its mask (H, W)
 
 
@@ -51,7 +51,8 @@ def write_lines(samples: Iterable[Sample], config: Config, lock: Lock, folder: P
                 lines.append(f"{numbers[thing['class_id']]} {own}")
         (labels / f"{sample.name}.txt").write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
     names = "".join(f"  {k}: {json.dumps(name, ensure_ascii=False)}\n" for k, (name, _) in enumerate(classes))
-    text = f"path: .\ntrain: images/train\nval: images/train\nnames:\n{names}{more}"
+    listed = f"names:\n{names}" if names else "names: {}\n"
+    text = f"path: .\ntrain: images/train\nval: images/train\n{listed}{more}"
     (folder / "data.yaml").write_text(text, encoding="utf-8")
 
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 from ..packing import Sample
 from .coco import classes_of
-from .yolo import AOVS, NEEDS_LABELS, PICTURES, box_values, options, write_lines
+from .yolo import AOVS, NEEDS_LABELS, NEEDS_PINHOLE, PICTURES, box_values, options, write_lines
 
 if TYPE_CHECKING:
     from ..config import Config
     from ..lock_file import Lock
 
-__all__ = ["AOVS", "NEEDS_LABELS", "PICTURES", "options", "write"]
+__all__ = ["AOVS", "NEEDS_LABELS", "NEEDS_PINHOLE", "PICTURES", "options", "write"]
 SIDES = {"left": "right", "Left": "Right", "LEFT": "RIGHT"}
 
 

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 from ..packing import Sample
 from .outlines import polygon_of
-from .yolo import AOVS, NEEDS_LABELS, PICTURES, options, write_lines
+from .yolo import AOVS, NEEDS_LABELS, NEEDS_PINHOLE, PICTURES, options, write_lines
 
 if TYPE_CHECKING:
     from ..config import Config
     from ..lock_file import Lock
 
-__all__ = ["AOVS", "NEEDS_LABELS", "PICTURES", "options", "write"]
+__all__ = ["AOVS", "NEEDS_LABELS", "NEEDS_PINHOLE", "PICTURES", "options", "write"]
 
 
 def write(samples: Iterable[Sample], config: Config, lock: Lock, asked: Any, folder: Path) -> list[str]:
