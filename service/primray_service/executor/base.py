@@ -66,7 +66,8 @@ class Ended:
     and its peak use covers all its chunks so far. Its files are in `folder` until `Handle.release()`."""
 
     reason: (
-        str  # "exited", "signal", "memory-limit", "time-limit", "storage-limit", "killed" (by Handle.kill), "lost" (its node)
+        str  # "exited", "signal", "memory-limit", "time-limit", "storage-limit", "killed" (by Handle.kill), "lost" (its node),
+        # "withdrawn" (it and earlier parts of its frame cannot be trusted)
     )
     exit_code: int | None
     signal: int | None

@@ -4,6 +4,9 @@ Merges, pictures, frames that are not rendered in parts, and checks of scenes ar
 hashed when its worker says that it is done; random tiles, drawn by a secret and that hash, are rendered again here
 (primray.distributed.spot_checks). If they have the same bits, the dispatcher gets the part, with what is known of the scene
 here. Otherwise the part counts as lost, and is given out again. What a part saves under way cannot be checked, and is not kept.
+
+A machine of which a second part is wrong is excluded: once may have been a bit that flipped. Frames that have accepted parts of
+it begin again, as the tiles that were checked of these are few.
 """
 
 from __future__ import annotations
@@ -13,11 +16,12 @@ import logging
 import secrets
 import shutil
 import signal
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from primray.content_hash import hash_of_file
 from primray.distributed.planner import seed_of
@@ -30,16 +34,31 @@ LOG = logging.getLogger(__name__)
 PART = "part.prc"
 CHECK_CPU_S = 900.0  # before a check has prepared its scene
 FROM_CHUNK = ("file", "settings", "limits", "root")
+WRONG_PARTS = 2  # after which a machine is excluded
+MOST_FRAMES = 1000  # whose machines are known
+WITHDRAWN = "the frame begins again: it has parts of a node that is excluded"
+
+
+@runtime_checkable
+class Excluding(Protocol):
+    """An executor of several machines, which can be excluded. Its handles name the `worker` that runs the chunk."""
+
+    def exclude(self, worker: str, why: str) -> None: ...
 
 
 class CheckedExecutor:
-    """`outside` runs parts, `inside` all else. `tiles`: how many are rendered again of each part. `refused`: parts so far."""
+    """`outside` runs parts, `inside` all else. `tiles`: how many are rendered again of each part. `refused`: parts so far;
+    `excluded`: machines that get no more, and why."""
 
     def __init__(
         self, outside: Executor, inside: Executor, data: DataDirectory, *, tiles: int, secret: bytes | None = None
     ) -> None:
         self.refused = 0
+        self.excluded: dict[str, str] = {}
         self.tiles = tiles
+        self._wrong: Counter[str] = Counter()  # parts by machine
+        self._accepted: dict[str, set[str]] = {}  # machines of accepted parts, by the frame's group
+        self._withdrawn: set[str] = set()  # frames that begin again
         self.outside, self.inside, self.data = outside, inside, data
         self.secret = secrets.token_bytes(32) if secret is None else secret
         self.places = asyncio.Semaphore(1)
@@ -61,8 +80,37 @@ class CheckedExecutor:
 
     def health(self) -> Json:
         outside, inside = self.outside.health(), self.inside.health()
-        checks = {"tiles": self.tiles, "refused": self.refused}
+        checks = {"tiles": self.tiles, "refused": self.refused, "excluded": [worker[:8] for worker in self.excluded]}
         return {**outside, "ok": bool(outside["ok"] and inside["ok"]), "spot_checks": checks}
+
+    def accepts(self, worker: str, group: str) -> None:
+        """Note that a part of this machine is in the frame."""
+        self._accepted.setdefault(group, set()).add(worker)
+        while len(self._accepted) > MOST_FRAMES:
+            del self._accepted[next(iter(self._accepted))]
+
+    def refuses(self, worker: str, why: str) -> None:
+        """Count a wrong part of a machine, which is excluded if it is not the first."""
+        self.refused += 1
+        self._wrong[worker] += 1
+        if not worker or self._wrong[worker] < WRONG_PARTS or worker in self.excluded:
+            return
+        self.excluded[worker] = f"{self._wrong[worker]} of its parts do not have the bits of a render here, the last: {why}"
+        LOG.error("the node %s is excluded: %s", worker[:8], self.excluded[worker])
+        if isinstance(self.outside, Excluding):
+            self.outside.exclude(worker, self.excluded[worker])
+        self._withdrawn |= {group for group, workers in self._accepted.items() if worker in workers}
+
+    def is_excluded(self, worker: str) -> bool:
+        return worker in self.excluded
+
+    def withdraws(self, group: str) -> bool:
+        """Return whether the frame has to begin again; asked once."""
+        if group not in self._withdrawn:
+            return False
+        self._withdrawn.discard(group)
+        self._accepted.pop(group, None)
+        return True
 
     async def close(self) -> None:
         await self.outside.close()
@@ -122,6 +170,7 @@ class _CheckedPart:
         self._saved: Message | None = None
         self._done: Message | None = None
         self._is_done = asyncio.Event()
+        self._is_wrong = False  # by its check, as opposed to parts that could not be checked
         self._check: _Waiting | None = None
         self._copies = executor.data.slots / f"{chunk.id}-check"
         self._outer = executor.outside.submit(chunk, self._hear)
@@ -144,19 +193,32 @@ class _CheckedPart:
         done.cancel()
         if self._done is None:
             return await ending
-        why = await self._fault() if _is_whole(self._done) else ""
-        if not why:
+        executor, group, worker = self._executor, self._group, getattr(self._outer, "worker", "")
+        why = await self._fault(worker) if _is_whole(self._done) else ""
+        if self._is_wrong:
+            executor.refuses(worker, why)
+        is_withdrawn = executor.withdraws(group)
+        if not why and not is_withdrawn:
             self._on_message(self._done)
             return await ending
-        self._executor.refused += 1
-        LOG.warning("part %s is refused: %s", self._chunk.id, why)
+        LOG.warning("part %s is refused: %s", self._chunk.id, why or WITHDRAWN)
         self._outer.kill()
         ended = await ending
-        log = f"{ended.log}{'' if not ended.log or ended.log.endswith(chr(10)) else chr(10)}the part is refused: {why}\n"
-        return replace(ended, reason="lost", exit_code=None, signal=None, log=log, log_file=None, lives=False)
+        log = ended.log if not ended.log or ended.log.endswith("\n") else f"{ended.log}\n"
+        log += f"the part is refused: {why}\n" if why else ""
+        log += f"{WITHDRAWN}\n" if is_withdrawn else ""
+        reason = "withdrawn" if is_withdrawn else "lost"
+        return replace(ended, reason=reason, exit_code=None, signal=None, log=log, log_file=None, lives=False)
 
-    async def _fault(self) -> str:
+    @property
+    def _group(self) -> str:
+        """The frame that the part is of: its job may have others."""
+        return f"{self._chunk.group} {self._chunk.command['settings'].get('time_code')}"
+
+    async def _fault(self, worker: str) -> str:
         """Return why the part is refused, "" if it is not: then the dispatcher is told of its checkpoint."""
+        if self._executor.is_excluded(worker):
+            return "its node is excluded"
         if self._saved is None:
             return "it left no film"
         try:
@@ -179,7 +241,11 @@ class _CheckedPart:
             detail = heard.get("failed", {}).get("problem", {}).get("detail", "its check ended")
             return f"it could not be checked: {detail}"
         fault = heard["done"]["report"]["parts"]["fault"]
+        self._is_wrong = fault is not None
+        if self._executor.is_excluded(worker):  # meanwhile
+            return "its node is excluded"
         if fault is None and "checkpoint" in heard:
+            self._executor.accepts(worker, self._group)
             self._on_message(heard["checkpoint"])
             return ""
         return str(fault)

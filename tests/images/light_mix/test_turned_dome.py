@@ -30,6 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sky[4:8, 6:12] = (6, 4, 1)
     sky[:, 20:24] = (0, 0.2, 1)
     file = oiio.ImageOutput.create(str(place / "sky.exr"))
+    assert file is not None
     file.open(str(place / "sky.exr"), oiio.ImageSpec(32, 16, 3, "float"))
     file.write_image(sky)
     file.close()
@@ -55,7 +56,7 @@ def test_a_turned_dome_is_what_a_render_of_the_turned_stage_gives(folder: Path) 
     new = picture(folder, "turned", spp=256, seed=8)
     assert compare(turned.mixed({}), new, tolerance=0.1).verdict.value == "unchanged"
     assert compare(before, new, tolerance=0.1).verdict.value == "changed"
-    weights = {"sky": (0.5, 1.0, 2.0), "key": 0.25}
+    weights: dict[str, Any] = {"sky": (0.5, 1.0, 2.0), "key": 0.25}
     assert compare(turned.mixed(weights), relight(new, weights), tolerance=0.1).verdict.value == "unchanged"
 
 

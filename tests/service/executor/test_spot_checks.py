@@ -98,11 +98,46 @@ class Cheating:
         await self.inner.close()
 
 
-def served(root: Path, cheat: Cheat, tiles: int, act: Callable[[Rig, CheckedExecutor, Cheating], Awaitable[None]]) -> None:
+class TwoNodes(Cheating):
+    """Gives parts to two nodes by turns, of which one cheats after its first part; an excluded one gets none."""
+
+    def __init__(self, inner: LocalExecutor, cheat: Cheat) -> None:
+        super().__init__(inner, cheat)
+        self.excluded: dict[str, str] = {}
+        self.of_bad = 0
+
+    def exclude(self, worker: str, why: str) -> None:
+        self.excluded[worker] = why
+
+    def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:
+        self.kinds.append("part")
+        worker = "bad" if len(self.kinds) % 2 and "bad" not in self.excluded else "good"
+        handles: list[Any] = []
+
+        def hear(message: Any) -> None:
+            if message["at"] == "checkpoint" and worker == "bad":
+                self.of_bad += 1
+                if self.of_bad > 1:
+                    settings = settings_of_json(chunk.command["settings"])
+                    self.cheat(handles[0].folder / message["file"], replace(settings, threads=1, max_memory_bytes=None))
+            on_message(message)
+
+        handles.append(self.inner.submit(chunk, hear))
+        handles[0].worker = worker
+        return handles[0]  # type: ignore[no-any-return]
+
+
+def served(
+    root: Path,
+    cheat: Cheat,
+    tiles: int,
+    act: Callable[[Rig, CheckedExecutor, Any], Awaitable[None]],
+    kind: type[Cheating] = Cheating,
+) -> None:
     made: list[tuple[CheckedExecutor, Cheating]] = []
 
     def make(data: DataDirectory, limits: Limits) -> CheckedExecutor:
-        outside = Cheating(LocalExecutor(data, limits, slots=2, cores=2), cheat)
+        outside = kind(LocalExecutor(data, limits, slots=2, cores=2), cheat)
         inside = LocalExecutor(data, limits, slots=1, cores=1)
         made.append((CheckedExecutor(outside, inside, data, tiles=tiles), outside))
         return made[0][0]
@@ -140,7 +175,7 @@ def test_a_cheating_worker_is_found_and_the_picture_is_that_of_one_render(tmp_pa
         assert outside.cheated == 1
         assert checked.refused == (0 if cheat is honest else 1)
         assert set(outside.kinds) == {"part"}  # merges and the picture are made here
-        assert checked.health()["spot_checks"] == {"tiles": checked.tiles, "refused": checked.refused}
+        assert checked.health()["spot_checks"] == {"tiles": checked.tiles, "refused": checked.refused, "excluded": []}
         log = (rig.data.frame(job.id, 0) / "log.txt").read_text()
         assert ("the part is refused: pixels" in log) == (cheat is not honest)
 
@@ -167,3 +202,44 @@ def test_a_job_is_canceled_while_its_parts_run(tmp_path: Path) -> None:
         assert ended.state is JobState.CANCELED
 
     served(tmp_path, honest, 1, act)
+
+
+def test_a_node_of_two_wrong_parts_is_excluded_and_its_frame_begins_again(tmp_path: Path) -> None:
+    """Its first part was right, or its tiles were, and is in the frame: nobody knows which."""
+
+    async def act(rig: Rig, checked: CheckedExecutor, outside: TwoNodes) -> None:
+        scene = rig.scene(SCENE.read_bytes())
+        logs = ""
+        for seed in range(8):
+            asked = {**ASKED, "seed": seed}
+            job = rig.submit(scene, settings=asked, parallel="auto")
+            [ended] = await rig.ended(job.id, timeout_s=240)
+            whole = render(str(SCENE), RenderSettings(resolution=SIZE, seed=seed, adaptive=False, spp=SAMPLES))
+            assert pixels(ended) == pixels_sha256(whole.pixels)
+            logs += (rig.data.frame(job.id, 0) / "log.txt").read_text()
+            if outside.excluded:
+                break
+        assert list(outside.excluded) == ["bad"]
+        assert outside.excluded["bad"].startswith("2 of its parts")
+        assert checked.refused == 2
+        assert checked.health()["spot_checks"]["excluded"] == ["bad"]
+        assert logs.count("the part is refused: pixels") == 2
+
+    served(tmp_path, wrong_bits, 12, act, TwoNodes)
+
+
+def test_frames_with_parts_of_an_excluded_node_begin_again_once(tmp_path: Path) -> None:
+    data = DataDirectory(tmp_path)
+    local = LocalExecutor(data, Limits(), slots=1, cores=1)
+    checked = CheckedExecutor(TwoNodes(local, honest), local, data, tiles=1)
+    checked.accepts("bad", "job-1")
+    checked.accepts("good", "job-2")
+    checked.refuses("bad", "its pixels differ")
+    assert not checked.is_excluded("bad")  # a bit may flip once
+    assert not checked.withdraws("job-1")
+    checked.refuses("bad", "its pixels differ")
+    assert checked.is_excluded("bad")
+    assert [checked.withdraws(job) for job in ("job-2", "job-1", "job-1")] == [False, True, False]
+    for _ in range(3):
+        checked.refuses("", "nobody knows whose part it was")
+    assert list(checked.excluded) == ["bad"]

@@ -31,7 +31,9 @@ def finished(site, tmp_path_factory):
 def numbers(page):
     """R, G and B under the picked pixel, and its place."""
     words = " ".join(page.locator(".values").inner_text().split())
-    x, y = re.match(r"x (\d+), y (\d+)", words).groups()
+    at = re.match(r"x (\d+), y (\d+)", words)
+    assert at is not None, words
+    x, y = at.groups()
     values = dict(re.findall(r"\b([RGB]) ([\d.e-]+)", words))
     return (int(y), int(x)), [float(values[c]) for c in "RGB"]
 
@@ -64,8 +66,9 @@ def test_sliders_mix_lights_as_relight_does(open_page, finished):
     place, shown = numbers(page)
     assert np.allclose(shown, made.pixels[place][:3], rtol=1e-3, atol=1e-4)
     told = sliders.locator("[role=status]").inner_text()
-    error = float(re.search(r"of the mix: ([\d.e-]+)", told)[1])
-    assert error == pytest.approx(made.report["error"]["relmse"]["estimate"], rel=0.02)
+    error = re.search(r"of the mix: ([\d.e-]+)", told)
+    assert error is not None, told
+    assert float(error[1]) == pytest.approx(made.report["error"]["relmse"]["estimate"], rel=0.02)
     assert f"key=2,{2 * green:.4g},0 sky=0,0,0" in sliders.locator("code").inner_text()
 
     before = pictures(page)

@@ -36,7 +36,7 @@ class Again:
     """The frame is queued again; `frame` counts its worker's deaths."""
 
     frame: Frame
-    why: str  # yield, crash, kill, shutdown, storage, silent, checkpoint
+    why: str  # yield, crash, kill, shutdown, storage, silent, checkpoint, withdrawn
     drop_checkpoint: bool = False
 
 
@@ -74,6 +74,8 @@ def outcome_of(frame: Frame, last: Last | None, ended: Ended, about: Circumstanc
         return _killed(frame, limits, "silent", "The render process hung repeatedly.")
     if about.killed_for:
         return Again(frame, about.killed_for)
+    if ended.reason == "withdrawn":
+        return Again(frame, "withdrawn", drop_checkpoint=True)
     if ended.reason in LIMITS_REACHED:
         return Again(frame, "storage") if _is_disk(ended.reason, about) else Broken(limit_problem(ended, limits).as_json())
     if ended.reason == "signal" and ended.signal not in _FROM_OUTSIDE:

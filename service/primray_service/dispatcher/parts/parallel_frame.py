@@ -296,6 +296,8 @@ class ParallelFrame:
             return
         elif not isinstance(end.outcome, Again) or end.outcome.why == "gone":
             self.kill("gone")
+        elif end.outcome.why == "withdrawn":
+            await self._withdraw(end.outcome)
         elif end.outcome.why not in NOT_LOST:
             self._context.metrics.restarts[f"part-{end.outcome.why}"] += 1
 
@@ -346,6 +348,16 @@ class ParallelFrame:
         await context.calls.store(context.store.drop_parts, context.fence, self.frame)
         self.frame = replace(self.frame, crashes=crashes, merged=0, checkpoint_file="")
         self._failed = Again(self.frame, why.why)
+
+    async def _withdraw(self, why: Again) -> None:
+        """Start again without all parts, of which some came from a machine that is excluded: sums cannot be taken apart.
+
+        Each time, the cluster has one machine less, so that this ends.
+        """
+        if self._failed is None:
+            await self._context.calls.store(self._context.store.drop_parts, self._context.fence, self.frame)
+            self.frame = replace(self.frame, merged=0, checkpoint_file="")
+            self._failed = Again(self.frame, why.why)
 
     async def _adopt(self, merge: MergeRun, found: Found) -> None:
         before = self.frame

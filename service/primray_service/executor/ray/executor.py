@@ -42,6 +42,7 @@ class RayRun:
         self._send = send
         self._said_last = False
         self._released = False
+        self.worker = ""  # the node that runs it, once that is known
 
     def begin(self) -> None:
         chunk = {
@@ -155,6 +156,7 @@ class RayExecutor:
         self._link: Link | None = None
         self._runs: dict[str, RayRun] = {}
         self._made = 0
+        self._excluded: dict[str, str] = {}  # nodes, and why
         self._keeping: asyncio.Task[None] | None = None
         self._closing = False
         self._why_not = "it was not started"
@@ -218,6 +220,7 @@ class RayExecutor:
                     LOG.warning("the Ray cluster at %s is not available; retrying: %s", self._address, error)
                 logged = str(error)
                 continue
+            self._exclude_all(link)
             self._why_not = ""
             LOG.warning("connected to the Ray cluster at %s: %d slots", self._address, self.capacity().slots)
             return link
@@ -244,6 +247,16 @@ class RayExecutor:
         run.begin()
         return run
 
+    def exclude(self, worker: str, why: str) -> None:
+        """Give a node no more chunks, also after a new connection to the cluster."""
+        self._excluded[worker] = why
+        if self._link is not None:
+            self._link.send({"do": "exclude", "id": "", "node": worker, "why": why})
+
+    def _exclude_all(self, link: Link) -> None:
+        for node, why in self._excluded.items():
+            link.send({"do": "exclude", "id": "", "node": node, "why": why})
+
     def _on_line(self, line: Mapping[str, Any]) -> None:
         if line["at"] == "cluster":
             self._cluster_is(line)
@@ -251,7 +264,9 @@ class RayExecutor:
         run = self._runs.get(str(line["id"]))
         if run is None:
             return
-        if line["at"] == "message":
+        if line["at"] == "began":
+            run.worker = str(line["node"])
+        elif line["at"] == "message":
             run.heard(line["message"])
         elif line["at"] == "ended":
             run.has_ended(line)

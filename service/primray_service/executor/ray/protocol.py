@@ -8,12 +8,14 @@ Server to driver, the first line being its settings
         paths are on the server's machine, where the driver runs as well; the worker's files arrive in folder/out
     {"do": "tell", "id": "c01..", "command": {..}}     a command for its worker
     {"do": "kill", "id": "c01.."}
+    {"do": "exclude", "id": "", "node": "..", "why": ".."}   a node that takes no more work, whatever it says of itself
     {"do": "look", "id": "1"}                           asks what runs on the cluster
 
 Driver to server
     failed    {"code", "why"}: it could not connect, and exits
     cluster   {"slots", "cores" (of a chunk), "memory_bytes" (of a chunk), "nodes": [{"id", "host", "slots", "why" ("" if it
               takes work), "sandbox": {..}, "received": {"objects", "bytes"}}]}: the first one means that it is connected
+    began     {"id", "node"}: the node that runs the chunk
     message   {"id", "message": {..}}: a worker's message, whose files are already in the folder
     ended     {"id", "reason", "exit_code", "signal", "cpu_s", "peak_rss_bytes", "log", "log_file": true, "protocol_error"}:
               base.Ended; the log is folder/log.txt

@@ -66,6 +66,8 @@ class Driver:
             looking = asyncio.ensure_future(self._look(name))
             self._looking.add(looking)
             looking.add_done_callback(self._looking.discard)
+        elif does == "exclude":
+            self._cluster.exclude(str(line["node"]), str(line["why"]))
         elif name not in self._given:
             return
         elif does == "tell":

@@ -49,6 +49,7 @@ class Cluster:
         self._settings = settings
         self._tell = tell
         self._nodes: dict[str, Node] = {}
+        self._excluded: dict[str, str] = {}  # nodes that the server excludes, and why
         self._asking: set[asyncio.Task[None]] = set()
         self._away = ""  # why its head does not answer
         self._reported: Json = {}
@@ -79,7 +80,9 @@ class Cluster:
         self._nodes = {node_id: self._nodes.get(node_id) or _node(row) for node_id, row in rows.items()}
         now = asyncio.get_running_loop().time()
         for node in self._nodes.values():
-            if (node.why or not node.is_known) and now - node.asked_at > ASK_AGAIN_AFTER_S:
+            if node.id in self._excluded:
+                node.is_known, node.why = True, self._excluded[node.id]
+            elif (node.why or not node.is_known) and now - node.asked_at > ASK_AGAIN_AFTER_S:
                 node.asked_at = now
                 task = asyncio.ensure_future(self._ask(node))
                 self._asking.add(task)
@@ -109,6 +112,7 @@ class Cluster:
             node.why = f"it cannot be asked: {error!r}"
         else:
             node.why, node.sandbox = fitness.why, dict(fitness.sandbox)
+        node.why = self._excluded.get(node.id, node.why)
         node.is_known = True
 
     def refuse(self, node_id: str, why: str) -> None:
@@ -117,6 +121,11 @@ class Cluster:
             node = self._nodes[node_id]
             node.is_known, node.why, node.asked_at = True, why, asyncio.get_running_loop().time()
             self._say()
+
+    def exclude(self, node_id: str, why: str) -> None:
+        """Give a node no more chunks, whatever it answers when it is asked whether it is fit."""
+        self._excluded[node_id] = why
+        self.refuse(node_id, why)
 
     def sent(self, node_id: str, objects: int, size: int) -> None:
         if objects and node_id in self._nodes:

@@ -142,6 +142,7 @@ class GivenChunk:
     async def _take(self, item: Item) -> Json | None:
         if isinstance(item, Begun):
             self._node = item.node
+            self._tell({"at": "began", "id": self.id, "node": item.node})
             self._mailbox.began.remote(self._key, self._about(item.node))
             self._cluster.sent(item.node, item.objects, item.bytes)
         elif isinstance(item, Message):
