@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from .diagnosis.pixel_log import PixelLog, debug_pixel
     from .diagnostic_messages import RenderWarning
     from .distributed.local_processes import LocalProcesses
+    from .explanation.explained import ExplainedPixel, explain
     from .images.aov import Aov
     from .images.image import Image
     from .images.reading import read_image
@@ -122,6 +123,7 @@ __all__ = [
     "doctor",
     "errors",
     "estimate",
+    "explain",
     "inspect",
     "lidar",
     "looking_at",
@@ -148,6 +150,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "CostEstimate": "diagnosis.estimate",
         "Diagnosis": "diagnosis.doctor",
         "DirectionTable": "lens.distortion",
+        "ExplainedPixel": "explanation.explained",
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
         "FirstHits": "render.first_hits",
@@ -179,6 +182,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "debug_pixel": "diagnosis.pixel_log",
         "doctor": "diagnosis.doctor",
         "estimate": "diagnosis.estimate",
+        "explain": "explanation.explained",
         "inspect": "diagnosis.inspection",
         "lidar": "sensor.lidar",
         "looking_at": "camera",

@@ -29,6 +29,7 @@ from .commands.compare import compare
 from .commands.dataset import dataset
 from .commands.doctor import doctor
 from .commands.estimate import estimate
+from .commands.explain import explain
 from .commands.inspect import inspect
 from .commands.lidar import lidar
 from .commands.measure import measure
@@ -235,6 +236,7 @@ def primray(
 _COMMANDS: dict[str, Callable[..., None]] = {
     "render": render,
     "estimate": estimate,
+    "explain": explain,
     "merge": merge,
     "inspect": inspect,
     "sheet": sheet,

@@ -29,7 +29,7 @@ FLAGS: dict[str, Flag] = {
     ),
     "frames": Flag(
         ("--frames", "--frame", "-f"),
-        "Time codes to render: 1, 1:10, 1-10x2, 1:10:2, 1,5 or start:end; inspect and estimate take one.",
+        "Time codes to render: 1, 1:10, 1-10x2, 1:10:2, 1,5 or start:end; inspect, estimate and explain take one.",
         str,
         metavar="LIST",
         shown="default time",

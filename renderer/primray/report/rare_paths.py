@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -21,26 +21,21 @@ import numpy.typing as npt
 from .. import core
 from ..arrays import Doubles
 from ..color.color_space import luminance_weights
-from ..core.passes import ASIDE
+from .logged_paths import Event, ShapeNames, Vertex, paths_of
 
 if TYPE_CHECKING:
     from ..core import CoreScene
-    from ..core.scene_record import ShapeRows
     from ..sampling.sampling import Sampling
 
 
 MOST_PIXELS, FEWEST_PIXELS, MOST_SAMPLES = 64, 4, 8192
 BRIGHTEST = 16  # samples of a pixel whose paths are told apart
 MOST_EVENTS = 100_000  # after which no more pixels are drawn: paths in media have thousands
-MOST_RUNS, MOST_VERTICES = 24, 64  # of a path that are told
-SAMPLES_OF_LIGHT = ("light sample", "dome ray", "outline ray")
 GOLDEN = 0.5 * (math.sqrt(5) - 1)
 LARGE = 0.1  # share of the error from which a kind of path is told
 MOST_TOLD = 3
-DIFFUSE = ("diffuse", "behind", "fuzz", "subsurface")
 SAME = 1e-3  # relative difference of a pixel's mean and that of the logged samples up to which these are the pixel's
 
-Event = Mapping[str, Any]
 Kind = tuple[str, str]  # a light path expression, the light's path
 
 
@@ -114,15 +109,6 @@ def _drawn(sampling: Sampling, part: Doubles) -> Iterator[tuple[int, int]]:
         yield x, y
 
 
-@dataclass(frozen=True)
-class Vertex:
-    """A vertex of a path: "D", "G", "S" or "V", as in light path expressions, and the prim that is there."""
-
-    letter: str
-    prim: str
-    transmits: bool = False
-
-
 @dataclass
 class _Pixel:
     """What each kind of path adds to the N samples of a pixel, in luminance."""
@@ -149,17 +135,18 @@ class _Pixel:
         kept = film.replicates[:, y, x, :3].sum(axis=0) / max(int(counts.sum()), 1)
         if not np.allclose(mean, kept, rtol=SAME, atol=1e-12) or len(samples) != counts.sum():
             return None
+        names = ShapeNames(scene)
         weights = np.array(luminance_weights(scene.rendering_space)) * scene.exposure_scale
         cameras = [next(event for event in sample if event["kind"] == "camera") for sample in samples]
         pixel = cls(np.array([camera["replicate"] for camera in cameras], np.int64), np.zeros(len(samples)), len(events))
         for number, sample in enumerate(samples):
             if len(sample) == 2:  # the camera ray and the value alone
                 pixel.rest[number] = float(np.dot(weights, sample[-1]["value"]))
-            for kind, vertices, light in _contributions(scene, sample, cameras[number]["part"] & ~ASIDE):
-                value = float(np.dot(weights, light))
+            for path in paths_of(names, sample):
+                kind, value = (path.expression, path.light), float(np.dot(weights, path.adds))
                 pixel.kinds.setdefault(kind, np.zeros(len(samples)))[number] += value
                 if value > pixel.brightest.get(kind, (-math.inf, ()))[0]:
-                    pixel.brightest[kind] = value, vertices
+                    pixel.brightest[kind] = value, path.way.vertices
         return pixel
 
     def without(self, kinds: Iterable[Kind]) -> float:
@@ -171,100 +158,6 @@ class _Pixel:
 
     def _difference(self, values: Doubles) -> float:
         return float(values[self.replicates == 0].mean() - values[self.replicates == 1].mean())
-
-
-@dataclass(frozen=True)
-class _Way:
-    """The vertices that a path was scattered at."""
-
-    runs: tuple[str, ...] = ()  # their letters, equal ones in a row as one
-    vertices: tuple[Vertex, ...] = ()
-
-    def then(self, vertex: Vertex) -> _Way:
-        """Return the way with one more vertex; what is beyond the limits has no part in its name."""
-        runs = self.runs if self.runs[-1:] == (vertex.letter,) else (*self.runs, vertex.letter)[:MOST_RUNS]
-        return _Way(runs, self.vertices if len(self.vertices) == MOST_VERTICES else (*self.vertices, vertex))
-
-    @property
-    def expression(self) -> str:
-        parts = "".join("V+" if letter == "V" else f"<.{letter}>+" for letter in self.runs)
-        return parts + (".*" if len(self.runs) == MOST_RUNS else "")
-
-
-@dataclass
-class _Path:
-    """A path as its events come in: where it is, and its ways before and after the vertex of its last scattering."""
-
-    vertex: int = -1
-    before: _Way = field(default_factory=_Way)
-    after: _Way = field(default_factory=_Way)
-    seen: dict[str, Event] = field(default_factory=dict)  # by kind: at the vertex where it is, before it is scattered
-    light: Event | None = None  # the brightest emission since it was scattered
-
-    def way_to(self, vertex: int) -> _Way:
-        return self.before if self.vertex == vertex else self.after
-
-
-def _contributions(scene: CoreScene, events: Sequence[Event], number: int) -> Iterator[tuple[Kind, Sequence[Vertex], Any]]:
-    """Yield the kind, the vertices and the light of each contribution to a sample, whose first path has the `number`.
-
-    Parts of a split path, and light samples of which there are several, have numbers of their own, and the first path's past.
-    """
-    assert scene.uploaded is not None
-    rows = scene.uploaded.shape_rows
-    first = _Path()
-    paths: dict[int, _Path] = {number: first}
-    for event in events:
-        kind, vertex = event["kind"], event["vertex"]
-        path = paths.get(event["part"], first)
-        if kind in ("hit", "lobes"):
-            path.seen = {**(path.seen if kind == "lobes" else {}), kind: event}
-        elif kind == "emission" and (path.light is None or max(event["radiance"]) > max(path.light["radiance"])):
-            path.light = event
-        if "contribution" in event and kind != "sample":
-            way = path.way_to(vertex)
-            if kind in SAMPLES_OF_LIGHT and "lobes" in path.seen:
-                way = way.then(_vertex(rows, path.seen, None))
-            light, is_light = _light(scene, path, event)
-            yield (f"C{way.expression}{'L' if is_light else 'O'}", light), way.vertices, event["contribution"]
-        if kind == "scatter":
-            way = path.way_to(vertex)
-            visible = "lobes" in path.seen and not event.get("straight", 0) > 0
-            after = way.then(_vertex(rows, path.seen, event)) if visible else way
-            paths[event["part"]] = _Path(vertex, way, after, path.seen)
-
-
-def _vertex(rows: ShapeRows, seen: Mapping[str, Event], scatter: Event | None) -> Vertex:
-    prim = rows.path_of(int(seen["hit"]["shape"])) if "hit" in seen else ""
-    return Vertex(_letter(seen["lobes"], scatter), prim, scatter is not None and scatter.get("transmits", 0) > 0)
-
-
-def _letter(lobes: Event, scatter: Event | None) -> str:
-    why = lobes.get("why")
-    if why == "phase function":
-        return "V"
-    if scatter is not None and scatter.get("delta", 0) > 0:
-        return "S"
-    if why == "hair":
-        return "G"
-    if scatter is not None and "diffuse_share" in scatter:
-        return "D" if max(scatter["diffuse_share"]) > 0.5 else "G"
-    diffuse = sum(max(lobes.get(name, 0.0), 0.0) for name in DIFFUSE)
-    return "D" if diffuse > 0.5 * max(lobes.get("presence", 1.0), 1e-9) else "G"
-
-
-def _light(scene: CoreScene, path: _Path, last: Event) -> tuple[str, bool]:
-    """Return the prim that the light of a contribution comes from, which the event `last` made, and whether it is a light."""
-    event = last if "light" in last or "dome" in last or path.light is None else path.light
-    assert scene.uploaded is not None
-    uploaded = scene.uploaded
-    if "dome" in event:
-        return uploaded.dome_paths[int(event["dome"])], True
-    light = int(event.get("light", -1))
-    if light >= 0:
-        shape = scene.shape_of_light(light)[0] if light not in uploaded.light_paths else 0
-        return uploaded.light_paths.get(light) or uploaded.shape_rows.path_of(shape), True
-    return (uploaded.shape_rows.path_of(int(path.seen["hit"]["shape"])) if "hit" in path.seen else ""), False
 
 
 def _told(kind: Kind, share: float, vertices: Sequence[Vertex]) -> RarePath:

@@ -312,7 +312,7 @@ class RenderSettings:
             ("--error-metric", "--metric"),
             "relmse: mean of (I-R)^2/(R^2+0.01); rmse; display: rmse of the displayed picture, in 8-bit steps.",
             shown="the stage's, else relmse",
-            commands=RENDERING,
+            commands=RENDERING - {"explain"},
         ),
         member=Member("Metric; null: the stage's, else relmse.", "stop.metric"),
     )
@@ -380,7 +380,7 @@ class RenderSettings:
             ("--adaptive/--no-adaptive",),
             "Take more samples where the error is large.",
             shown="with --target-error",
-            commands=RENDERING,
+            commands=RENDERING - {"explain"},
         ),
         member=Member(),
     )
@@ -685,7 +685,9 @@ class RenderSettings:
         False,
         yes_or_no,
         flag=Flag(
-            ("--strict",), "Refuse a stage with warnings that affect the picture.", commands=OPENING - {"estimate", "view"}
+            ("--strict",),
+            "Refuse a stage with warnings that affect the picture.",
+            commands=OPENING - {"estimate", "explain", "view"},
         ),
         member=Member("Refuse a scene with warnings."),
     )
@@ -699,7 +701,7 @@ class RenderSettings:
             "be repeated.",
             metavar="CODES",
             shown=False,
-            commands=OPENING - {"estimate", "view"},
+            commands=OPENING - {"estimate", "explain", "view"},
         ),
         member=Member("Refuse a scene with diagnostics of these codes; `missing`: of missing files.", chars=64, items=(0, 128)),
     )
@@ -712,7 +714,7 @@ class RenderSettings:
             "Exempt these diagnostic codes from --strict and --fail-on; may be repeated.",
             metavar="CODES",
             shown=False,
-            commands=OPENING - {"estimate", "view"},
+            commands=OPENING - {"estimate", "explain", "view"},
         ),
         member=Member("Codes that strict and fail_on accept.", chars=64, items=(0, 128)),
     )
@@ -975,7 +977,7 @@ class RenderSettings:
             "Render only this part of the picture, in 0 to 1, overriding dataWindowNDC.",
             metavar="LEFT BOTTOM RIGHT TOP",
             shown=False,
-            commands=OPENING - {"view"},
+            commands=OPENING - {"explain", "view"},
         ),
         member=Member("Render only this part of the picture: left, bottom, right, top from 0 to 1; null: the stage's."),
     )

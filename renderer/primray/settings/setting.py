@@ -38,8 +38,8 @@ class Counts(Enum):
 
 
 # Commands of a flag: those that open a stage, sample it, make its picture, or draw it in their own process.
-OPENING = frozenset({"render", "estimate", "inspect", "doctor", "submit", "view", "pin"})
-RENDERING = frozenset({"render", "estimate", "submit", "pin"})
+OPENING = frozenset({"render", "estimate", "inspect", "doctor", "explain", "submit", "view", "pin"})
+RENDERING = frozenset({"render", "estimate", "explain", "submit", "pin"})
 PICTURES = frozenset({"render", "submit", "pin"})
 DRAWING = frozenset({"render", "view"})
 

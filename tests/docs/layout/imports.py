@@ -47,7 +47,19 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
         "distributed",
         "render",
     ),
-    "tools": ("diagnosis", "incremental", "live", "notebook", "compare", "ci", "pinned", "dataset", "sensor", "light_meter"),
+    "tools": (
+        "diagnosis",
+        "incremental",
+        "live",
+        "notebook",
+        "compare",
+        "ci",
+        "pinned",
+        "explanation",
+        "dataset",
+        "sensor",
+        "light_meter",
+    ),
     "command line": ("cli",),
 }
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -185,29 +184,3 @@ def test_long_paths_take_bounded_time(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(core, "log_pixel", counting)
     rendered(tmp_path, room(), spp=16)
     assert sum(logged[:-1]) <= 300 < sum(logged)
-
-
-def test_a_path_of_thousands_of_vertices_is_gone_through_once() -> None:
-    class Uploaded:
-        light_paths: ClassVar = {0: "/key"}
-        dome_paths = ()
-
-        class shape_rows:
-            path_of = staticmethod(lambda _: "/smoke")
-
-    class Scene:
-        uploaded = Uploaded()
-
-    events: list[dict[str, Any]] = [{"kind": "camera", "vertex": 0, "part": 0}]
-    count = 20_000
-    for vertex in range(count):
-        at = {"vertex": vertex, "part": 0}
-        events.append({"kind": "lobes", "why": "phase function", **at})
-        events.append({"kind": "light sample", "light": 0.0, "contribution": (1.0, 1.0, 1.0), **at})
-        events.append({"kind": "scatter", **at})
-    began = time.process_time()
-    found = list(rare_paths._contributions(Scene(), events, 0))  # type: ignore[arg-type]
-    assert time.process_time() - began < 5  # a quarter of a second; minutes if each looked at all before
-    assert {kind for kind, _, _ in found} == {("CV+L", "/key")}
-    assert len(found) == count
-    assert len(found[-1][1]) <= rare_paths.MOST_VERTICES + 1

@@ -10,9 +10,9 @@ from typer.main import get_command
 from primray.cli.app import LazyCommand, app, loaded
 from primray.cli.flags import flags_of
 
-COMMANDS = ("render", "estimate", "inspect", "doctor", "submit", "sheet", "thumbnail", "merge", "view", "lidar")
-OPEN_A_STAGE = {"render", "estimate", "inspect", "doctor", "submit"}
-RENDER = {"render", "estimate", "submit"}
+COMMANDS = ("render", "estimate", "explain", "inspect", "doctor", "submit", "sheet", "thumbnail", "merge", "view", "lidar")
+OPEN_A_STAGE = {"render", "estimate", "explain", "inspect", "doctor", "submit"}
+RENDER = {"render", "estimate", "explain", "submit"}
 LACKING = {
     ("submit", "--session-layer"): "a file of the user's machine",
     ("submit", "--rendering-color-space"): "no setting of the API",
@@ -21,6 +21,13 @@ LACKING = {
     ("estimate", "--strict"): "makes no picture",
     ("estimate", "--fail-on"): "makes no picture",
     ("estimate", "--allow"): "makes no picture",
+    ("explain", "--pilot"): "makes the samples",
+    ("explain", "--region"): "has a pixel",
+    ("explain", "--adaptive"): "one pixel's samples",
+    ("explain", "--error-metric"): "one pixel's samples",
+    ("explain", "--strict"): "makes no picture",
+    ("explain", "--fail-on"): "makes no picture",
+    ("explain", "--allow"): "makes no picture",
     ("render", "--pilot"): "makes the picture",
     ("submit", "--pilot"): "makes the picture",
 }
@@ -31,6 +38,7 @@ ITS_OWN = {
     ("lidar", "--output"),
     ("lidar", "--report"),
     ("relight", "--mix"),
+    ("explain", "--report"),
 }
 
 

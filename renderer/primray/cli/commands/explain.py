@@ -1,0 +1,54 @@
+"""`primray explain`: what the light of one pixel is made of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ...settings import RenderSettings
+from .. import option_values
+from ..flags import CONTENTS, FRAMES, LIGHTING, SIZE, SURFACES, VIEWPOINT, frames_in, in_order, setting_values
+
+
+@in_order(
+    *("scene", "pixel", "spp", *VIEWPOINT, *SIZE, *FRAMES),
+    *("max_depth", "clamp_indirect", "caustics", "filter", "filter_width", "threads", "seed", *SURFACES, "lens_flaws"),
+    *("json", "rendering_color_space", *LIGHTING, *CONTENTS, "verbose"),
+)
+def explain(
+    scene: str,
+    pixel: Annotated[
+        tuple[int, int],
+        typer.Option("--pixel", "-P", metavar="X Y", help="The pixel, from the left and the top.", show_default=False),
+    ],
+    renders: Annotated[
+        int,
+        typer.Option("--renders", metavar="N", help="Further renders of the pixel, from which errors come; 0: no errors."),
+    ] = 15,
+    most: Annotated[int, typer.Option("--most", metavar="N", help="Parts of each split to print.")] = 8,
+    report: Annotated[str | None, typer.Option(metavar="FILE", help="Write all parts as JSON.", show_default=False)] = None,
+    json: bool = False,
+    verbose: bool = False,
+    **given: Any,
+) -> None:
+    """Say what one pixel's light is made of: by light, by kind of path, by bounce, by the prim that sends it, with errors."""
+    from ...explanation.explained import Explainer
+    from ...images.image import write_text
+    from ...images.output_path import check_folder
+    from ...incremental.scene import KeptStage
+    from ..console import dumps, print_line
+
+    if report is not None:
+        check_folder(Path(report))
+    time_code = option_values.one_frame_of(frames_in(given, scene), "explain")
+    settings = RenderSettings(**setting_values(given), time_code=time_code)
+    explainer = Explainer(KeptStage(scene, settings))
+    found = explainer.explain(*pixel, settings, renders=renders)
+    if report is not None:
+        write_text(Path(report), dumps(found.as_json(), indent=2) + "\n")
+    if json:
+        print_line(found.as_json())
+    else:
+        print("\n".join(found.lines(most)))

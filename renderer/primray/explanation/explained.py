@@ -1,0 +1,257 @@
+"""What one pixel's light is made of: `primray explain` and `primray.explain`.
+
+Four splits of the same light, each of which adds up to the pixel to the bit: by light, by kind of path, by bounce, and by the
+prim that sends it to what the pixel shows.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from ..arrays import Doubles
+from ..errors import SettingsError
+from ..incremental.scene import KeptStage
+from ..render.render import with_setting_names
+from ..settings import RenderSettings, with_values
+from .parts import Color, Part, color_of, parts_of, settled
+from .pixel import BOUNCES, EXPRESSIONS, KINDS, MOST_LOGGED, PixelRender, Sample, other_seeds, pixel_of, sums_of
+
+if TYPE_CHECKING:
+    from ..report.prepared import Prepared
+    from ..settings.written import SettingsValues
+
+RENDERS = 15  # with other seeds, for errors
+NAMING_AOVS = ("prim", "instance", "material")  # the core's scene keeps names for them
+SPLITS = ("light", "kind", "bounce", "prim")
+TITLES = {
+    "light": "by light",
+    "kind": "by kind of path",
+    "bounce": "by bounce",
+    "prim": "by the prim that sends it here",
+}
+# Settings that one pixel does not have.
+PLAIN = {
+    "pixel_size": 1.0,
+    "target_error": None,
+    "time_limit_s": None,
+    "adaptive": None,
+    "denoise": None,
+    "diffusion": None,
+    "stop_at": None,
+    "background": None,
+}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What the ray through the middle of a pixel meets first."""
+
+    prim: str
+    instance: str
+    material: str
+    distance: float  # scene units
+    position: Color
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "prim": self.prim,
+            "instance": self.instance,
+            "material": self.material,
+            "distance": self.distance,
+            "position": list(self.position),
+        }
+
+
+@dataclass(frozen=True)
+class ExplainedPixel:
+    """One pixel's light in parts. Column and row are counted from 0, from the upper left corner of the frame.
+
+    >>> pixel = primray.explain("shot.usda", 16, 9, resolution=(32, 18), spp=16)
+    >>> [part.name for part in pixel.splits["light"]]
+    ['/sky', '/sun']
+    >>> import math
+    >>> [numpy.float32(math.fsum(p.value[c] for p in pixel.splits["light"])) == pixel.value[c] for c in range(3)]
+    [True, True, True]
+
+    `value`: R, G, B (float32) of the picture, before a background, a denoiser or a lens's veil; `error`: their standard errors.
+    `splits`: parts by "light", "kind", "bounce" and "prim", the largest first.
+    """
+
+    scene: str
+    pixel: tuple[int, int]
+    camera: str
+    value: Color
+    error: Color | None
+    alpha: float
+    samples: int
+    renders: int  # with other seeds, that errors come from
+    shown: Shown | None  # None: no surface
+    splits: Mapping[str, tuple[Part, ...]]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `primray explain --json` prints."""
+        return {
+            "type": "explained-pixel",
+            "scene": self.scene,
+            "pixel": list(self.pixel),
+            "camera": self.camera,
+            "value": list(self.value),
+            "error": None if self.error is None else list(self.error),
+            "alpha": self.alpha,
+            "samples": self.samples,
+            "renders": self.renders,
+            "shown": None if self.shown is None else self.shown.as_json(),
+            "splits": {name: [part.as_json() for part in parts] for name, parts in self.splits.items()},
+        }
+
+    def lines(self, most: int = 8) -> list[str]:
+        """Return the parts as text, of each split the `most` largest."""
+        from .text import lines
+
+        return lines(self, most)
+
+
+@with_setting_names
+def explain(
+    stage: str | os.PathLike[str] | Any,
+    x: int,
+    y: int,
+    settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
+    *,
+    renders: int = RENDERS,
+    **values: Unpack[SettingsValues],
+) -> ExplainedPixel:
+    """Return the light of the pixel in column `x` and row `y` of the frame, both from 0, from the top left, in parts.
+
+    >>> pixel = primray.explain("shot.usda", 16, 9, resolution=(32, 18), spp=16)
+    >>> pixel.samples, pixel.splits["bounce"][0].name
+    (16, '1 bounce')
+
+    The samples are those that `render` takes of it with the same settings; a target error or a time limit does not end them:
+    `spp`, or 64, does. `renders` further ones of this pixel with other seeds give the errors; 0: no errors.
+    Fields of RenderSettings may be given by name. Errors are those of `render`, and SettingsError `explain-pixel` where the
+    frame has no such pixel.
+    """
+    asked = with_values(settings, values)
+    return Explainer(KeptStage(stage, asked)).explain(x, y, asked, renders=renders)
+
+
+class Explainer:
+    """Pixels of one stage, which stays translated and built between them."""
+
+    def __init__(self, kept: KeptStage) -> None:
+        self._kept = kept
+
+    def explain(self, x: int, y: int, settings: RenderSettings, *, renders: int = RENDERS) -> ExplainedPixel:
+        if renders < 0 or renders == 1:
+            raise SettingsError("errors need 2 renders or more, or 0 for none", where="renders", code="explain-renders")
+        return explained(self.prepare(x, y, settings), renders)
+
+    def prepare(self, x: int, y: int, settings: RenderSettings) -> PixelRender:
+        """Return the renders of a pixel."""
+        from ..diagnostics import Diagnostics
+        from ..report.report import Costs
+
+        defaults = {name: getattr(RenderSettings(), name) for name in PLAIN}
+        asked = replace(settings, **defaults, aovs=NAMING_AOVS, region=None)
+        width, height = self._kept.translated(asked).frame.resolution
+        if not (0 <= x < width and 0 <= y < height):
+            sentence = f"the frame has {width} x {height} pixels, and none at {x} {y}"
+            raise SettingsError(sentence, where="--pixel", code="explain-pixel")
+        region = (x / width, 1 - (y + 1) / height, (x + 1) / width, 1 - y / height)
+        asked = replace(asked, region=region, aovs=(*NAMING_AOVS, *EXPRESSIONS))
+        costs = Costs()
+        with self._kept.steps(costs):
+            prepared: Prepared = self._kept.prepare(asked, costs, Diagnostics())
+        plain = replace(prepared.settings, **defaults)
+        return PixelRender(replace(prepared, settings=plain), x, y)
+
+
+def explained(render: PixelRender, renders: int = RENDERS) -> ExplainedPixel:
+    """Return a pixel in parts."""
+    prepared, span, seed = render.prepared, render.span, render.settings.seed
+    film = render.film(seed, span)
+    value, alpha = pixel_of(film)
+    samples = list(render.samples(seed, span))
+    count = span[1] - span[0]
+    fewer = min(count, max(MOST_LOGGED // max(renders, 1), 2))
+    others = [_Other.of(render, one, (span[0], span[0] + fewer)) for one in other_seeds(seed, renders)]
+    ratio, weights = fewer / count, render.weights
+    values: dict[str, Mapping[str, Doubles]] = {}
+    differences: dict[str, Mapping[str, Doubles]] = {}
+    for key in ("light", "prim"):
+        means = sums_of(samples, key).means(render.scale)
+        values[key] = settled({name: mean for name, (mean, _) in means.items()}, value)
+        differences[key] = {name: difference for name, (_, difference) in means.items()}
+    outputs = render.outputs(film)
+    for key, names in (("kind", KINDS), ("bounce", BOUNCES)):
+        values[key] = settled({name: outputs[text][0] for name, text in names.items()}, value)
+        differences[key] = {name: outputs[text][1] for name, text in names.items()}
+    expressions = {"kind": KINDS, "bounce": BOUNCES}
+    splits = {
+        key: parts_of(
+            values[key],
+            differences[key],
+            [other.values[key] for other in others],
+            weights,
+            ratio=ratio,
+            expressions=expressions.get(key),
+        )
+        for key in SPLITS
+    }
+    error = None
+    if others:
+        error = color_of(np.array([other.pixel for other in others]).std(axis=0, ddof=1) * ratio**0.5)
+    return ExplainedPixel(
+        scene=prepared.stage,
+        pixel=(render.x, render.y),
+        camera=prepared.camera.path,
+        value=color_of(value),
+        error=error,
+        alpha=alpha,
+        samples=count,
+        renders=len(others),
+        shown=_shown(render),
+        splits=splits,
+    )
+
+
+@dataclass(frozen=True)
+class _Other:
+    """A render of the pixel with another seed: its value (3,), and parts by split and name (3,)."""
+
+    pixel: Doubles
+    values: Mapping[str, Mapping[str, Doubles]]
+
+    @classmethod
+    def of(cls, render: PixelRender, seed: int, span: tuple[int, int]) -> _Other:
+        film = render.film(seed, span)
+        outputs = render.outputs(film)
+        values: dict[str, Mapping[str, Doubles]] = {
+            "kind": {name: outputs[text][0] for name, text in KINDS.items()},
+            "bounce": {name: outputs[text][0] for name, text in BOUNCES.items()},
+        }
+        samples = list(render.samples(seed, span))
+        values |= {key: _means(samples, key, render.scale) for key in ("light", "prim")}
+        return cls(pixel_of(film)[0].astype(np.float64), values)
+
+
+def _means(samples: Sequence[Sample], key: str, scale: float) -> dict[str, Doubles]:
+    return {name: mean for name, (mean, _) in sums_of(samples, key).means(scale).items()}
+
+
+def _shown(render: PixelRender) -> Shown | None:
+    from .. import core
+
+    scene = render.prepared.scene
+    point = core.pick(scene, 0, 0, render.settings)
+    if point is None:
+        return None
+    names: Mapping[str, str] = {} if scene.record is None else scene.record.names
+    prim, material = (names.get(path, path) for path in (point.prim, point.material))
+    return Shown(prim, point.instance, material, point.distance, color_of(point.position))
