@@ -80,6 +80,7 @@ __all__ = [
     "DirectionTable",
     "Distortion",
     "DistortionModel",
+    "ExplainedPixel",
     "Eye",
     "Filter",
     "FirstHits",

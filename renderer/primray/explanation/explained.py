@@ -9,19 +9,23 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from ..arrays import Doubles
+from ..camera import Camera
 from ..errors import SettingsError
 from ..incremental.scene import KeptStage
 from ..render.render import with_setting_names
-from ..settings import RenderSettings, with_values
+from ..settings import DEFAULT_SPP, RenderSettings, with_values
+from .noise import NoisePath, noise_paths
 from .parts import Color, Part, color_of, parts_of, settled
 from .pixel import BOUNCES, EXPRESSIONS, KINDS, MOST_LOGGED, PixelRender, Sample, other_seeds, pixel_of, sums_of
 
 if TYPE_CHECKING:
+    from ..images.image import Image
     from ..report.prepared import Prepared
     from ..settings.written import SettingsValues
 
@@ -80,6 +84,9 @@ class ExplainedPixel:
 
     `value`: R, G, B (float32) of the picture, before a background, a denoiser or a lens's veil; `error`: their standard errors.
     `splits`: parts by "light", "kind", "bounce" and "prim", the largest first.
+
+    >>> pixel.save_layer("noise.usda")  # the paths that make its noise, as curves over the stage
+    >>> pixel.save_overlay(primray.render("shot.usda", resolution=(32, 18), spp=16), "noise.png")
     """
 
     scene: str
@@ -92,6 +99,9 @@ class ExplainedPixel:
     renders: int  # with other seeds, that errors come from
     shown: Shown | None  # None: no surface
     splits: Mapping[str, tuple[Part, ...]]
+    noise: tuple[NoisePath, ...]  # the paths that make the noise, the largest share first, then some at random
+    seen_by: Camera
+    frame: tuple[int, int]  # width and height of the whole frame
 
     def as_json(self) -> dict[str, Any]:
         """Return what `primray explain --json` prints."""
@@ -107,7 +117,24 @@ class ExplainedPixel:
             "renders": self.renders,
             "shown": None if self.shown is None else self.shown.as_json(),
             "splits": {name: [part.as_json() for part in parts] for name, parts in self.splits.items()},
+            "noise": [path.as_json() for path in self.noise],
         }
+
+    def save_layer(self, path: str | os.PathLike[str], stage: Any = None) -> None:
+        """Write the paths of `noise` as a USD layer: linear BasisCurves of purpose guide, with shares as opacity and numbers as
+        customData. `stage`: the Usd.Stage whose up axis and unit it has; None: the stage is opened again."""
+        from .. import usd
+        from ..diagnostics import Diagnostics
+        from .drawing import save_layer
+
+        opened = usd.open_stage(self.scene, Diagnostics()) if stage is None else stage
+        save_layer(opened, self, Path(path))
+
+    def save_overlay(self, image: Image, path: str | os.PathLike[str]) -> None:
+        """Write a PNG of a picture of the same frame and camera, with the paths of `noise` drawn over it."""
+        from .drawing import save_overlay
+
+        save_overlay(image, self, Path(path))
 
     def lines(self, most: int = 8) -> list[str]:
         """Return the parts as text, of each split the `most` largest."""
@@ -147,10 +174,22 @@ class Explainer:
     def __init__(self, kept: KeptStage) -> None:
         self._kept = kept
 
+    @property
+    def stage(self) -> Any:
+        """The Usd.Stage, as composed for the settings."""
+        return self._kept.opened.stage
+
     def explain(self, x: int, y: int, settings: RenderSettings, *, renders: int = RENDERS) -> ExplainedPixel:
         if renders < 0 or renders == 1:
             raise SettingsError("errors need 2 renders or more, or 0 for none", where="renders", code="explain-renders")
         return explained(self.prepare(x, y, settings), renders)
+
+    def picture(self, settings: RenderSettings, spp: int) -> Image:
+        """Return a picture of the whole frame, of at most `spp` samples a pixel."""
+        given = DEFAULT_SPP if settings.spp is None else settings.spp
+        defaults = {name: getattr(RenderSettings(), name) for name in PLAIN}
+        asked = replace(settings, **defaults, region=None, aovs=(), sample_range=None, spp=min(given, spp))
+        return self._kept.render(asked, None, "raise", None, (), lambda diagnostics: None)
 
     def prepare(self, x: int, y: int, settings: RenderSettings) -> PixelRender:
         """Return the renders of a pixel."""
@@ -218,6 +257,9 @@ def explained(render: PixelRender, renders: int = RENDERS) -> ExplainedPixel:
         renders=len(others),
         shown=_shown(render),
         splits=splits,
+        noise=noise_paths(render, samples),
+        seen_by=prepared.camera,
+        frame=prepared.frame.resolution,
     )
 
 

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 from .parts import Part
 
+LEAST = 5e-4  # share of the pixel, or its error, that is printed
+SHOWN = 3  # of the paths that make the noise
+
 if TYPE_CHECKING:
     from .explained import ExplainedPixel
 
@@ -24,22 +27,32 @@ def lines(pixel: ExplainedPixel, most: int) -> list[str]:
     text.append(f"light {_color(pixel.value)}{error}, alpha {pixel.alpha:.3g}")
     for name, parts in pixel.splits.items():
         text += ["", TITLES[name], *_table(parts, most)]
+    text += _noise(pixel)
     if any(part.is_rare for parts in pixel.splits.values() for part in parts):
-        text += ["", "?  so rare that the samples say little: the true part may be several times larger, or smaller"]
+        text += ["", "?  paths so rare that the error is hardly known: the true part may be several times larger, or smaller"]
     return text
 
 
+def _noise(pixel: ExplainedPixel) -> Iterator[str]:
+    """Yield how few samples make half of the noise, and their paths."""
+    worst = [path for path in pixel.noise if not path.is_random]
+    total = sum(path.share for path in worst)
+    if total <= 0:
+        return
+    yield ""
+    yield f"noise: the {len(worst)} worst paths make {100 * total:.0f} % of it"
+    for path in worst[:SHOWN]:
+        yield f"  {100 * path.share:5.1f} %  {path.words}"
+
+
 def _table(parts: Sequence[Part], most: int) -> Iterator[str]:
-    shown = [part for part in parts if part.share != 0 or part.is_rare]
+    shown = [part for part in parts if max(part.share, part.share_error or 0.0) >= LEAST]
     for part in shown[:most]:
-        if part.is_rare:
-            error = "   ?    "
-        else:
-            error = "        " if part.share_error is None else f" +- {100 * part.share_error:<4.1f}"
+        error = " " * 9 if part.share_error is None else f" +- {100 * part.share_error:<4.1f}{'?' if part.is_rare else ' '}"
         yield f"  {100 * part.share:5.1f}{error} %  {_color(part.value):32} {part.name}"
-    if len(shown) > most:
-        rest = sum(part.share for part in shown[most:])
-        yield f"  {100 * rest:5.1f}         %  {'':32} {len(shown) - most} more"
+    if len(parts) > len(shown[:most]):
+        rest = sum(part.share for part in parts if part not in shown[:most])
+        yield f"  {100 * rest:5.1f}          %  {'':32} {len(parts) - len(shown[:most])} more"
 
 
 def _color(values: Sequence[float]) -> str:

@@ -163,10 +163,10 @@ class _Pixel:
 def _told(kind: Kind, share: float, vertices: Sequence[Vertex]) -> RarePath:
     expression, light = kind
     prims = tuple(dict.fromkeys(vertex.prim for vertex in vertices if vertex.prim))
-    return RarePath(expression, light, share, prims, _in_words(light or "a surface", vertices))
+    return RarePath(expression, light, share, prims, in_words(light or "a surface", vertices))
 
 
-def _in_words(light: str, vertices: Sequence[Vertex]) -> str:
+def in_words(light: str, vertices: Sequence[Vertex]) -> str:
     """Return a path in words, from its light to the camera."""
     rough = [k for k, vertex in enumerate(vertices) if vertex.letter != "S"]
     if not vertices:

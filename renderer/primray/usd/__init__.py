@@ -15,6 +15,7 @@ from .inspect.authored_meters import AuthoredMeter, authored_meters
 from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
 from .inspect.labelled import LabelledPrim, LabelledPrims
 from .inspect.layer_edits import Edit, edits_between, files_named, made_alone, sampled_times, used_layer
+from .inspect.light_path_layer import light_path_layer
 from .inspect.prim_identity import assets_of, names_in_instances
 from .inspect.scene_facts import stage_facts
 from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
@@ -62,6 +63,7 @@ __all__ = [
     "lidar_prim",
     "lidar_prims",
     "lidar_units",
+    "light_path_layer",
     "limit_threads",
     "made_alone",
     "named_product",

@@ -35,7 +35,8 @@ def stage_of(name: str) -> Path:
 
 
 def settings(**values: Any) -> RenderSettings:
-    return RenderSettings(**{"resolution": SIZE, "spp": SPP} | values)
+    asked: dict[str, Any] = {"resolution": SIZE, "spp": SPP} | values
+    return RenderSettings(**asked)
 
 
 def adds_up(pixel: primray.ExplainedPixel) -> bool:
@@ -138,6 +139,7 @@ def test_a_red_wall_sends_red_light_to_the_floor(tmp_path: Path) -> None:
     parts = {part.name: part for part in pixel.splits["prim"]}
     assert set(parts) == {"/lamp", "/red"}
     assert parts["/red"].value[0] > 8 * parts["/red"].value[1] > 0
+    assert parts["/red"].share_error is not None
     assert parts["/red"].share > 5 * parts["/red"].share_error > 0
     assert [part.name for part in pixel.splits["light"]] == ["/lamp"]
     assert pixel.splits["light"][0].share == 1

@@ -7,9 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
+from ...errors import SettingsError
 from ...settings import RenderSettings
 from .. import option_values
 from ..flags import CONTENTS, FRAMES, LIGHTING, SIZE, SURFACES, VIEWPOINT, frames_in, in_order, setting_values
+
+OVERLAY_SPP = 16  # samples a pixel, at most, of the picture that paths are drawn over
 
 
 @in_order(
@@ -29,6 +32,14 @@ def explain(
     ] = 15,
     most: Annotated[int, typer.Option("--most", metavar="N", help="Parts of each split to print.")] = 8,
     report: Annotated[str | None, typer.Option(metavar="FILE", help="Write all parts as JSON.", show_default=False)] = None,
+    overlay: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Draw the paths that make the noise over the picture, as a PNG.", show_default=False),
+    ] = None,
+    layer: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Write the paths that make the noise as a USD layer of curves.", show_default=False),
+    ] = None,
     json: bool = False,
     verbose: bool = False,
     **given: Any,
@@ -40,14 +51,21 @@ def explain(
     from ...incremental.scene import KeptStage
     from ..console import dumps, print_line
 
-    if report is not None:
-        check_folder(Path(report))
+    for path in (report, overlay, layer):
+        if path is not None:
+            check_folder(Path(path))
+    if overlay is not None and Path(overlay).suffix.lower() != ".png":
+        raise SettingsError("the paths are drawn over a PNG", where=overlay, code="output-format")
     time_code = option_values.one_frame_of(frames_in(given, scene), "explain")
     settings = RenderSettings(**setting_values(given), time_code=time_code)
     explainer = Explainer(KeptStage(scene, settings))
     found = explainer.explain(*pixel, settings, renders=renders)
     if report is not None:
         write_text(Path(report), dumps(found.as_json(), indent=2) + "\n")
+    if layer is not None:
+        found.save_layer(layer, explainer.stage)
+    if overlay is not None:
+        found.save_overlay(explainer.picture(settings, OVERLAY_SPP), overlay)
     if json:
         print_line(found.as_json())
     else:
