@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..images.image import Image
     from ..report.prepared import Prepared
     from ..settings.written import SettingsValues
+    from .edits import TriedEdit
 
 RENDERS = 15  # with other seeds, for errors
 NAMING_AOVS = ("prim", "instance", "material")  # the core's scene keeps names for them
@@ -102,6 +103,7 @@ class ExplainedPixel:
     noise: tuple[NoisePath, ...]  # the paths that make the noise, the largest share first, then some at random
     seen_by: Camera
     frame: tuple[int, int]  # width and height of the whole frame
+    edits: tuple[TriedEdit, ...] = ()  # tried where that is asked for, the fastest first
 
     def as_json(self) -> dict[str, Any]:
         """Return what `primray explain --json` prints."""
@@ -118,6 +120,7 @@ class ExplainedPixel:
             "shown": None if self.shown is None else self.shown.as_json(),
             "splits": {name: [part.as_json() for part in parts] for name, parts in self.splits.items()},
             "noise": [path.as_json() for path in self.noise],
+            "edits": [edit.as_json() for edit in self.edits],
         }
 
     def save_layer(self, path: str | os.PathLike[str], stage: Any = None) -> None:
@@ -151,6 +154,7 @@ def explain(
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
     *,
     renders: int = RENDERS,
+    edits: bool = False,
     **values: Unpack[SettingsValues],
 ) -> ExplainedPixel:
     """Return the light of the pixel in column `x` and row `y` of the frame, both from 0, from the top left, in parts.
@@ -161,11 +165,13 @@ def explain(
 
     The samples are those that `render` takes of it with the same settings; a target error or a time limit does not end them:
     `spp`, or 64, does. `renders` further ones of this pixel with other seeds give the errors; 0: no errors.
+    `edits`: try edits that would lessen the noise, of settings and of the lights that make most of it. Lights are edited in a
+    session layer, which is as before afterwards.
     Fields of RenderSettings may be given by name. Errors are those of `render`, and SettingsError `explain-pixel` where the
     frame has no such pixel.
     """
     asked = with_values(settings, values)
-    return Explainer(KeptStage(stage, asked)).explain(x, y, asked, renders=renders)
+    return Explainer(KeptStage(stage, asked, writes_session=edits)).explain(x, y, asked, renders=renders, edits=edits)
 
 
 class Explainer:
@@ -179,10 +185,18 @@ class Explainer:
         """The Usd.Stage, as composed for the settings."""
         return self._kept.opened.stage
 
-    def explain(self, x: int, y: int, settings: RenderSettings, *, renders: int = RENDERS) -> ExplainedPixel:
+    def explain(
+        self, x: int, y: int, settings: RenderSettings, *, renders: int = RENDERS, edits: bool = False
+    ) -> ExplainedPixel:
+        """Return a pixel in parts; `edits` are tried in the stage's session layer."""
         if renders < 0 or renders == 1:
             raise SettingsError("errors need 2 renders or more, or 0 for none", where="renders", code="explain-renders")
-        return explained(self.prepare(x, y, settings), renders)
+        found = explained(self.prepare(x, y, settings), renders)
+        if not edits:
+            return found
+        from .edits import try_edits
+
+        return replace(found, edits=try_edits(self, found, settings))
 
     def picture(self, settings: RenderSettings, spp: int) -> Image:
         """Return a picture of the whole frame, of at most `spp` samples a pixel."""
@@ -193,9 +207,6 @@ class Explainer:
 
     def prepare(self, x: int, y: int, settings: RenderSettings) -> PixelRender:
         """Return the renders of a pixel."""
-        from ..diagnostics import Diagnostics
-        from ..report.report import Costs
-
         defaults = {name: getattr(RenderSettings(), name) for name in PLAIN}
         asked = replace(settings, **defaults, aovs=NAMING_AOVS, region=None)
         width, height = self._kept.translated(asked).frame.resolution
@@ -203,12 +214,18 @@ class Explainer:
             sentence = f"the frame has {width} x {height} pixels, and none at {x} {y}"
             raise SettingsError(sentence, where="--pixel", code="explain-pixel")
         region = (x / width, 1 - (y + 1) / height, (x + 1) / width, 1 - y / height)
-        asked = replace(asked, region=region, aovs=(*NAMING_AOVS, *EXPRESSIONS))
-        costs = Costs()
+        return PixelRender(self.prepared(settings, region, (*NAMING_AOVS, *EXPRESSIONS)), x, y)
+
+    def prepared(self, settings: RenderSettings, region: tuple[float, float, float, float], aovs: Sequence[str]) -> Prepared:
+        """Return a region of the frame, ready to be sampled; edits of the stage since the last one are taken."""
+        from ..diagnostics import Diagnostics
+        from ..report.report import Costs
+
+        defaults = {name: getattr(RenderSettings(), name) for name in PLAIN}
+        asked, costs = replace(settings, **defaults, region=region, aovs=tuple(aovs)), Costs()
         with self._kept.steps(costs):
-            prepared: Prepared = self._kept.prepare(asked, costs, Diagnostics())
-        plain = replace(prepared.settings, **defaults)
-        return PixelRender(replace(prepared, settings=plain), x, y)
+            prepared = self._kept.prepare(asked, costs, Diagnostics())
+        return replace(prepared, settings=replace(prepared.settings, **defaults))
 
 
 def explained(render: PixelRender, renders: int = RENDERS) -> ExplainedPixel:

@@ -27,7 +27,7 @@ def lines(pixel: ExplainedPixel, most: int) -> list[str]:
     text.append(f"light {_color(pixel.value)}{error}, alpha {pixel.alpha:.3g}")
     for name, parts in pixel.splits.items():
         text += ["", TITLES[name], *_table(parts, most)]
-    text += _noise(pixel)
+    text += [*_noise(pixel), *_edits(pixel)]
     if any(part.is_rare for parts in pixel.splits.values() for part in parts):
         text += ["", "?  paths so rare that the error is hardly known: the true part may be several times larger, or smaller"]
     return text
@@ -43,6 +43,19 @@ def _noise(pixel: ExplainedPixel) -> Iterator[str]:
     yield f"noise: the {len(worst)} worst paths make {100 * total:.0f} % of it"
     for path in worst[:SHOWN]:
         yield f"  {100 * path.share:5.1f} %  {path.words}"
+
+
+def _edits(pixel: ExplainedPixel) -> Iterator[str]:
+    if not pixel.edits:
+        return
+    yield ""
+    yield "edits tried on the 16 x 16 pixels around it: time to the same error, seconds of CPU gained there, change of light"
+    for edit in pixel.edits:
+        low, high = edit.times_range
+        gain = " to ".join(f"{seconds:+.2g}" for seconds in edit.gain_s)
+        change = f"{100 * edit.change:+.1f} % ({100 * edit.change_range[0]:+.1f} to {100 * edit.change_range[1]:+.1f})"
+        verdict = "changes the picture" if edit.changes else "no change beyond noise"
+        yield f"  {edit.times:5.2f} x ({low:.2f} to {high:.2f})  {gain:>14} s  {change:28} {verdict}: {edit.edit}"
 
 
 def _table(parts: Sequence[Part], most: int) -> Iterator[str]:

@@ -19,6 +19,7 @@ from .inspect.light_path_layer import light_path_layer
 from .inspect.prim_identity import assets_of, names_in_instances
 from .inspect.scene_facts import stage_facts
 from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
+from .lights.larger_light import can_be_larger, larger_light
 from .lights.weight_layer import weight_layer
 from .materials.bound_materials import bound_materials
 from .render_settings.outputs import can_share_render, ordered_picture_channels, output_facts, outputs_of, pixel_settings
@@ -48,6 +49,7 @@ __all__ = [
     "bound_materials",
     "camera_layer",
     "camera_paths",
+    "can_be_larger",
     "can_share_render",
     "check_preview",
     "count_undrawn_shapes",
@@ -58,6 +60,7 @@ __all__ = [
     "framed_bounds",
     "has_camera",
     "is_session_camera",
+    "larger_light",
     "layer_files",
     "lidar_poses",
     "lidar_prim",

@@ -32,6 +32,9 @@ def explain(
     ] = 15,
     most: Annotated[int, typer.Option("--most", metavar="N", help="Parts of each split to print.")] = 8,
     report: Annotated[str | None, typer.Option(metavar="FILE", help="Write all parts as JSON.", show_default=False)] = None,
+    edits: Annotated[
+        bool, typer.Option("--edits", help="Try edits that would lessen the noise: time gained, change of the picture.")
+    ] = False,
     overlay: Annotated[
         str | None,
         typer.Option(metavar="FILE", help="Draw the paths that make the noise over the picture, as a PNG.", show_default=False),
@@ -58,8 +61,8 @@ def explain(
         raise SettingsError("the paths are drawn over a PNG", where=overlay, code="output-format")
     time_code = option_values.one_frame_of(frames_in(given, scene), "explain")
     settings = RenderSettings(**setting_values(given), time_code=time_code)
-    explainer = Explainer(KeptStage(scene, settings))
-    found = explainer.explain(*pixel, settings, renders=renders)
+    explainer = Explainer(KeptStage(scene, settings, writes_session=edits))
+    found = explainer.explain(*pixel, settings, renders=renders, edits=edits)
     if report is not None:
         write_text(Path(report), dumps(found.as_json(), indent=2) + "\n")
     if layer is not None:

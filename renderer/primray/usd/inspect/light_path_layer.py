@@ -29,7 +29,7 @@ def light_path_layer(stage: Usd.Stage, curves: Mapping[str, Sequence[Curve]], wi
     for name, own in curves.items():
         if own:
             _define(made, scope.GetPath().AppendChild(name), own, width)
-    return layer.ExportToString()
+    return str(layer.ExportToString())
 
 
 def _define(made: Usd.Stage, path: Sdf.Path, own: Sequence[Curve], width: float) -> None:
