@@ -7,6 +7,8 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
+from ..stage.metadata import meters_per_unit, up_axis
+
 Points = Sequence[tuple[float, float, float]]
 Curve = tuple[Points, tuple[float, float, float], float]  # points in the world, colour, opacity
 
@@ -20,8 +22,8 @@ def light_path_layer(stage: Usd.Stage, curves: Mapping[str, Sequence[Curve]], wi
     """
     layer = Sdf.Layer.CreateAnonymous(".usda")
     made = Usd.Stage.Open(layer)
-    UsdGeom.SetStageUpAxis(made, UsdGeom.GetStageUpAxis(stage))
-    UsdGeom.SetStageMetersPerUnit(made, UsdGeom.GetStageMetersPerUnit(stage))
+    UsdGeom.SetStageUpAxis(made, up_axis(stage))
+    UsdGeom.SetStageMetersPerUnit(made, meters_per_unit(stage))
     scope = UsdGeom.Scope.Define(made, "/primray_light_paths")
     scope.CreatePurposeAttr(UsdGeom.Tokens.guide)
     made.SetDefaultPrim(scope.GetPrim())
@@ -41,7 +43,10 @@ def _define(made: Usd.Stage, path: Sdf.Path, own: Sequence[Curve], width: float)
     shape.CreatePointsAttr(points)
     shape.CreateWidthsAttr([width])
     shape.SetWidthsInterpolation(UsdGeom.Tokens.constant)
-    shape.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(shape, Usd.TimeCode.Default()))
+    around = [(min(point[k] for point in points), max(point[k] for point in points)) for k in range(3)]
+    shape.CreateExtentAttr(
+        [Gf.Vec3f(*(low - width / 2 for low, _ in around)), Gf.Vec3f(*(high + width / 2 for _, high in around))]
+    )
     shape.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform).Set([Gf.Vec3f(*color) for _, color, _ in own])
     shape.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.uniform).Set([opacity for *_, opacity in own])
 

@@ -9,20 +9,20 @@ from pxr import Sdf, Usd, UsdLux
 
 from ..stage.messages import scene_errors
 from ..stage.reads import default_value
+from ..stage.time_varying import has_time_values
 
 SIZES = ("inputs:radius", "inputs:width", "inputs:height", "inputs:angle")
-# Light types whose power grows with the square of their sizes.
-SQUARE = (UsdLux.SphereLight, UsdLux.DiskLight, UsdLux.RectLight, UsdLux.DistantLight)
+LENGTH = "inputs:length"  # of lights whose power does not grow with the square of their radius
 
 
 def can_be_larger(stage: Usd.Stage, path: str) -> bool:
     """Return whether the prim is a light that has sizes of its own, which do not change over time."""
     prim = stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
-    if not prim or prim.IsInstanceProxy() or not any(prim.IsA(kind) for kind in SQUARE):
+    if not prim or prim.IsInstanceProxy() or not prim.HasAPI(UsdLux.LightAPI) or prim.HasAttribute(LENGTH):
         return False
     own = [prim.GetAttribute(name) for name in (*SIZES, "inputs:intensity") if prim.HasAttribute(name)]
     sizes = [default_value(prim.GetAttribute(name)) for name in SIZES if prim.HasAttribute(name)]
-    return all(size is not None and size > 0 for size in sizes) and not any(one.GetNumTimeSamples() for one in own)
+    return bool(sizes) and all(size is not None and size > 0 for size in sizes) and not any(has_time_values(one) for one in own)
 
 
 @contextmanager
