@@ -221,6 +221,28 @@ def repair_networks(stage: Usd.Stage) -> None:
             shader.CreateInput("specular_roughness", Sdf.ValueTypeNames.Float).Set(
                 min(roughness * ((1 + (1 - a) ** 2) / 2 / (1 - a)) ** 0.25, 1.0)
             )
+            _turn_tangent(stage, shader)
+
+
+def _turn_tangent(stage: Usd.Stage, shader: Any) -> None:
+    """Turn the tangent by a quarter: the exporter has it across the highlight, and OpenPBR's highlight is long along it."""
+    prim, found = shader.GetPrim(), shader.GetInput("geometry_tangent")
+    while found and found.HasConnectedSource():
+        node = UsdShade.Shader(found.GetValueProducingAttributes()[0].GetPrim())  # the output of a node graph leads to it
+        if node.GetIdAttr().Get() == "ND_rotate3d_vector3":
+            break
+        found = node.GetInput("in")
+    else:
+        return
+    amount = node.GetInput("amount")
+    if not amount or not amount.HasConnectedSource():
+        node.CreateInput("amount", Sdf.ValueTypeNames.Float).Set(((amount.Get() if amount else 0.0) or 0.0) + 90.0)
+        return
+    turned = UsdShade.Shader.Define(stage, prim.GetPath().ReplaceName(f"{prim.GetPath().name}_turn"))
+    turned.CreateIdAttr("ND_add_float")
+    turned.CreateInput("in1", Sdf.ValueTypeNames.Float).ConnectToSource(amount.GetConnectedSources()[0][0])
+    turned.CreateInput("in2", Sdf.ValueTypeNames.Float).Set(90.0)
+    amount.ConnectToSource(turned.CreateOutput("out", Sdf.ValueTypeNames.Float))
 
 
 def _keep_reflection_below_coat(shader: Any) -> None:

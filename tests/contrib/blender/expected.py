@@ -56,8 +56,9 @@ EXPECTED: dict[str, dict[str, Expected]] = {
         "sheen": Expected(),
         "emission": Expected(),
         "coat": Expected(tolerance=0.006, each=0.02),
-        "transmission": Expected(-0.006, 0.01, 0.04),
-        "anisotropic": Expected(-0.015, 0.02, 0.4),
+        "transmission": Expected(each=0.02),
+        "anisotropic": Expected(0.015, 0.008, 0.03),
+        "anisotropic, turned": Expected(0.011, 0.008, 0.03),
         "subsurface": Expected(0.052, 0.015, 0.09),
     },
     "shaders": {

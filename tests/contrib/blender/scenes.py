@@ -247,6 +247,7 @@ SURFACES: dict[str, dict[str, Any]] = {
     "coat": {"Coat_Weight": 1.0, "Base_Color": (0.5, 0.2, 0.1, 1)},
     "transmission": {"Transmission_Weight": 1.0, "Roughness": 0.0, "Base_Color": (0.7, 0.9, 0.6, 1)},
     "anisotropic": {"Metallic": 1.0, "Anisotropic": 0.8, "Roughness": 0.4},
+    "anisotropic, turned": {"Metallic": 1.0, "Anisotropic": 0.8, "Roughness": 0.4, "Anisotropic_Rotation": 0.25},
     "subsurface": {"Subsurface_Weight": 1.0, "Subsurface_Scale": 0.05},
 }
 
@@ -259,7 +260,7 @@ def ball(look):
 
 def surfaces(asked):
     for name, values in SURFACES.items():
-        empty(24, samples=128)
+        empty(24, samples=512 if name == "transmission" else 128)  # light that glass gathers is noisier
         look = material(**({"Base_Color": (0.6, 0.5, 0.4, 1)} | values))
         ball(look)
         studio()
