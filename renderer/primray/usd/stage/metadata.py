@@ -17,7 +17,7 @@ from typing import Any
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from ...diagnostics import Diagnostics
-from ...errors import InvalidSceneError
+from ...errors import InvalidSceneError, SettingsError
 from ..materials.materialx.substitute_layers import with_original_names
 from .reads import FAILURES, note
 from .time_varying import has_samples
@@ -217,8 +217,14 @@ def _variables(layer: Sdf.Layer, stage: Usd.Stage) -> dict[str, Any]:
 _RATES = (1e-9, 1e12)
 
 
+def not_a_stage(value: object) -> SettingsError:
+    return SettingsError(f"a stage must be a path or a Usd.Stage, not {type(value).__name__}", where="stage")
+
+
 def stage_name(stage: Usd.Stage) -> str:
     """Return the root layer's file name without its folders, as pictures name it; "" for a layer in memory."""
+    if not isinstance(stage, Usd.Stage):
+        raise not_a_stage(stage)
     layer = stage.GetRootLayer()
     return "" if layer.anonymous else os.path.basename(with_original_names(layer.identifier))
 

@@ -23,7 +23,7 @@ from ..materials.materialx.references import Redirection, is_format_message, reb
 from ..materials.materialx.substitute_layers import with_original_names
 from .composition import add_load_rules, check_population, choose_variants, note_unloaded, populate, session_over
 from .messages import FileNames, error_text, file_names, scene_errors, tf_message
-from .metadata import check_rates, is_number, layer_value, note_units, note_wrong_types, wrong_rate
+from .metadata import check_rates, is_number, layer_value, not_a_stage, note_units, note_wrong_types, wrong_rate
 from .reads import noting
 
 USD_DEFAULTS = Composition()
@@ -86,6 +86,8 @@ def open_stage(
 
     A Usd.Stage is used as it is or, where `composition` asks for more, composed again from its layers and left unchanged.
     """
+    if not isinstance(source, str | os.PathLike | Usd.Stage):
+        raise not_a_stage(source)
     diagnostics.name_files(_names_of(source).in_text)
     if isinstance(source, Usd.Stage) and composition == USD_DEFAULTS and not refers_to_documents(source):
         return _noted(lambda: source, diagnostics, composition)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pxr import Usd
 
+import primray
 from primray.diagnostics import STRICT, Diagnostics
-from primray.errors import StageOpenError, UnsupportedError
+from primray.errors import SettingsError, StageOpenError, UnsupportedError
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate
 
@@ -52,3 +55,12 @@ def test_translation_leaves_the_stage_unchanged() -> None:
     before = stage.GetRootLayer().ExportToString(), stage.GetSessionLayer().ExportToString()
     translate(stage, RenderSettings())
     assert (stage.GetRootLayer().ExportToString(), stage.GetSessionLayer().ExportToString()) == before
+
+
+@pytest.mark.parametrize("what", [3, None, b"shot.usda", ["shot.usda"], Usd.Stage.CreateInMemory().GetPseudoRoot()])
+@pytest.mark.parametrize("door", ["render", "Scene", "inspect", "estimate", "notebook.View"])
+def test_what_is_no_stage_is_refused_by_each_door(door: str, what: Any) -> None:
+    if "." in door:
+        pytest.importorskip("anywidget", reason="skipped: no anywidget")
+    with pytest.raises(SettingsError, match=r"a stage must be a path or a Usd\.Stage, not \w+ \[stage\]"):
+        attrgetter(door)(primray)(what)
