@@ -155,6 +155,9 @@ def test_prims_are_named_by_their_paths(member, value):
         ({"diffusion_glare": 0.9, "diffusion_starburst": 0.9}, "diffusion_starburst"),
         ({"default_light": False, "studio_light": "on"}, "studio_light"),
         ({"stop_at": "denoised", "stop": {"metric": "display", "target_error": 1}}, "stop_at"),
+        ({"stop_at": "mix", "mixes": ("key=2",), "stop": {"metric": "display", "target_error": 1}}, "stop_at"),
+        ({"stop_at": "mix", "stop": {"target_error": 1}}, "mixes"),
+        ({"mixes": ("key",)}, "mixes"),
     ],
 )
 def test_a_refusal_names_the_member_by_the_place_that_the_renderer_says(asked, member):

@@ -152,7 +152,7 @@ def _legend(low: float, high: float) -> str:
         m * 10.0**k for k in decades for m in ((1, 2, 5) if span <= 3 else (1,)) if low <= m * 10.0**k * 1.0001 <= high * 1.001
     ]
     words = "".join(
-        f"<text x={min(max(width * math.log10(tick / low) / span, 8), width - 8):.1f} y={height + 14} text-anchor=middle>"
+        f"<text x={min(max(width * math.log10(tick / low) / span, 12), width - 8):.1f} y={height + 14} text-anchor=middle>"
         f"{tick:.4g}</text>"
         for tick in ticks
     )

@@ -346,6 +346,7 @@ class RenderSettings:
     stop_at: StopAt = setting(
         StopAt.PICTURE,
         choice(StopAt),
+        sampling=True,
         flag=Flag(
             ("--stop-at",),
             "Picture that --target-error applies to; denoised implies --denoise, mix needs --mix; both relmse or rmse.",

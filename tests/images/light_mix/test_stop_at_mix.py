@@ -12,7 +12,7 @@ import pytest
 from tests.images.aovs.seen import stage_of
 from tests.images.light_mix.test_light_mix import FILL, KEY, ROOM, SIZE, SKY
 
-from primray import Image, LocalProcesses, relight, render
+from primray import Image, LocalProcesses, Scene, relight, render
 from primray.checkpoints.checkpointing import Checkpointing
 from primray.cli import run
 from primray.errors import CheckpointError, SettingsError
@@ -152,3 +152,9 @@ def test_the_command_takes_a_mix_as_text_and_as_a_report(tmp_path: Path, capsys:
 def test_text_and_weights_are_the_same_mix() -> None:
     weights = {"key": (0.1, 0.1, 0.1), "fill": (1.0, 0.3, 2.0)}
     assert weights_of_text(text_of_weights(weights)) == weights
+
+
+def test_a_kept_scene_stops_at_a_mix_as_a_render_does(stopped: Image) -> None:
+    scene = Scene(stage_of(ROOM + KEY + FILL, light=SKY))
+    assert np.array_equal(scene.render(settings(mixes=(DIM,)), progress=False).pixels, picture(mixes=(DIM,)).pixels)
+    assert np.array_equal(scene.render(settings(), progress=False).pixels, stopped.pixels)

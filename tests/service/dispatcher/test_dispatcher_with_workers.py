@@ -8,6 +8,7 @@ import os
 import signal
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,6 +104,33 @@ def test_aovs_are_parts_of_the_exr(tmp_path: Path) -> None:
             assert np.array_equal(aov.values, image.aovs[name].values)
         assert parts["prim"].ids == image.aovs["prim"].ids
         assert ended.result is not None
+
+    async def run() -> None:
+        async with dispatching(tmp_path, local()) as rig:
+            await act(rig)
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("parallel", [None, "auto"])
+def test_a_frame_stops_at_the_error_of_a_mix_of_lights(tmp_path: Path, parallel: str | None) -> None:
+    """As one render does, also where its parts are rendered in several places and judged when they are merged."""
+    rules: dict[str, Any] = {"seed": 5, "aovs": ["lights"], "stop_at": "mix", "mixes": ["key=6"], "adaptive": False}
+
+    async def act(rig: Rig) -> None:
+        asked = {**rules, "resolution": list(SIZE), "stop": {"target_error": 0.004}}
+        if parallel is not None:
+            del asked["adaptive"]
+        job = rig.submit(rig.scene(SCENE.read_bytes()), settings=asked, parallel=parallel)
+        [ended] = await rig.ended(job.id)
+        assert ended.state is JobState.SUCCEEDED, ended.error
+        name = next(row.name for row in rig.outputs(job.id) if row.name.endswith(".exr"))
+        image = render(str(SCENE), RenderSettings(resolution=SIZE, target_error=0.004, **rules))
+        assert np.array_equal(read_picture(rig.data.outputs(job.id) / name).pixels, image.pixels)
+        assert ended.result is not None
+        assert ended.result["stop"] == {"reason": "target-error", "target_met": True}
+        error = image.report["error"]["mix"]["relmse"]
+        assert ended.result["error"] == {"metric": "relmse", **error, "target": 0.004} | {"kind": ended.result["error"]["kind"]}
 
     async def run() -> None:
         async with dispatching(tmp_path, local()) as rig:
