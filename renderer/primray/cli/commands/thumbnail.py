@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from ..thumbnail_renders import Request
 
 DEFAULT_SIZE = 256
+# Endings of an OUTPUT that is taken for a mistake; browsers ask for names without any, or with a number's.
+OTHER_PICTURES = frozenset([".jpg", ".jpeg", ".exr", ".hdr", ".tif", ".tiff", ".webp", ".avif", ".gif", ".bmp"])
 
 
 @in_order()
@@ -113,7 +115,9 @@ def _made(
     from ..thumbnail_renders import FOLDER, Request, author, cache_text, place, render_thumbnails
 
     if not asset.is_file():
-        raise StageOpenError("there is no such file", where=str(asset))
+        is_folder = asset.is_dir()
+        problem = "it is a folder: `primray sheet FOLDER` shows all of a folder" if is_folder else "there is no such file"
+        raise StageOpenError(problem, where=str(asset))
     is_packed = is_authored and asset.suffix.lower() == ".usdz"
     targets = _targets(asset, output, sizes, is_authored, is_cached)
     if is_authored:
@@ -176,6 +180,8 @@ def _targets(asset: Path, output: str | None, sizes: tuple[int, ...], is_authore
     if output is not None:
         if len(sizes) > 1:
             raise SettingsError("an OUTPUT is one picture, but several sizes are asked for", where=output, code="thumbnail")
+        if Path(output).suffix.lower() in OTHER_PICTURES:
+            raise SettingsError("thumbnails are PNG files: let its name end in .png", where=output, code="thumbnail")
         return [Path(output)]
     if is_authored and asset.suffix.lower() == ".usdz" and len(sizes) > 1:
         sentence = "a usdz gets one picture, but several sizes are asked for"

@@ -19,6 +19,7 @@ from ...errors import InvalidSceneError
 from ..materials.materialx.substitute_layers import with_original_names
 
 _BREAK = re.compile(r"\s*\n\s*([;,.]?)")  # USD quotes errors that end their line in the middle of a sentence
+_PARSER = re.compile(r"parse error matching \S*pegtl::\S*")  # names of the parser's own types
 
 
 def error_text(message: Any, field: str = "") -> str:
@@ -27,7 +28,7 @@ def error_text(message: Any, field: str = "") -> str:
         text = str(getattr(message, field) if field else message)
     except UnicodeDecodeError as error:
         text = error.object.decode("utf-8", "replace")
-    return _BREAK.sub(lambda found: found[1] or " ", text.strip())
+    return _PARSER.sub("unexpected text", _BREAK.sub(lambda found: found[1] or " ", text.strip()))
 
 
 def tf_message(error: Tf.ErrorException) -> str:

@@ -212,6 +212,8 @@ def _layers_of_session(stage: Usd.Stage) -> list[Sdf.Layer]:
 def root_layer(path: str) -> Sdf.Layer:
     if not os.path.exists(path) and "[" not in path and "://" not in path:
         raise StageOpenError("There is no such file.", where=path)
+    if os.path.isdir(path):
+        raise StageOpenError("It is a folder: name a stage in it; `primray sheet FOLDER` shows all of a folder.", where=path)
     return open_layer(path)
 
 

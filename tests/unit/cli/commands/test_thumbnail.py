@@ -192,6 +192,16 @@ def test_an_asset_that_is_not_there_and_an_output_without_a_folder(tmp_path: Pat
     assert run(["thumbnail", str(tmp_path / "a.usda"), str(tmp_path / "o.png"), "-s", "8", "-s", "9"]) == 2
 
 
+def test_a_folder_is_no_asset_and_a_thumbnail_no_jpeg(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asset = tmp_path / "ball.usda"
+    asset.write_text(BALL)
+    assert run(["thumbnail", str(tmp_path)]) == 3
+    assert "it is a folder: `primray sheet FOLDER`" in capsys.readouterr().err
+    assert run(["thumbnail", str(asset), str(tmp_path / "ball.JPG")]) == 2
+    assert "thumbnails are PNG files" in capsys.readouterr().err
+    assert files(tmp_path) == {"ball.usda"}
+
+
 def test_a_process_that_crashes_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     (tmp_path / "a.usda").write_text(BALL)
     monkeypatch.setattr(thumbnail_renders, "_MAIN", "import os, sys; {limit}; os.kill(os.getpid(), 11)")

@@ -64,3 +64,20 @@ def test_what_is_no_stage_is_refused_by_each_door(door: str, what: Any) -> None:
         pytest.importorskip("anywidget", reason="skipped: no anywidget")
     with pytest.raises(SettingsError, match=r"a stage must be a path or a Usd\.Stage, not \w+ \[stage\]"):
         attrgetter(door)(primray)(what)
+
+
+def test_a_folder_is_no_stage(tmp_path: Path) -> None:
+    with pytest.raises(StageOpenError, match="It is a folder: name a stage in it; `primray sheet FOLDER`"):
+        primray.inspect(tmp_path)
+
+
+def test_syntax_errors_name_no_type_of_the_parser(tmp_path: Path) -> None:
+    (tmp_path / "broken.usda").write_text("#usda 1.0\ndef {\n")
+    (tmp_path / "shot.usda").write_text('#usda 1.0\ndef Xform "a" (\n    references = @broken.usda@\n)\n{\n}\n')
+    with pytest.raises(StageOpenError, match=r"broken\.usda:2:1: unexpected text at 'def \{'"):
+        primray.inspect(tmp_path / "broken.usda")
+    diagnostics = Diagnostics()
+    open_stage(tmp_path / "shot.usda", diagnostics)
+    (found,) = [d.message for d in diagnostics if d.code == "composition-error"]
+    assert "unexpected text at 'def {'" in found
+    assert "pegtl" not in found
