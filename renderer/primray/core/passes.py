@@ -305,6 +305,7 @@ class Extents:
     film: Doubles
     nearest: Doubles
     corners: Doubles
+    unseen: npt.NDArray[np.int64]  # (N) points that the camera sees in no direction
 
 
 def extents(scene: CoreScene, parts: npt.ArrayLike, axes: npt.ArrayLike, settings: RenderSettings) -> Extents:
@@ -314,8 +315,8 @@ def extents(scene: CoreScene, parts: npt.ArrayLike, axes: npt.ArrayLike, setting
     time of the row and column in which each point is seen.
     """
     asked, of = np.ascontiguousarray(parts, np.int32), np.ascontiguousarray(axes, np.float64)
-    film, nearest, corners, _ = compiled.extents(scene._scene, asked, of, threads=threads(settings))
-    return Extents(film, nearest, corners)
+    film, nearest, corners, unseen = compiled.extents(scene._scene, asked, of, threads=threads(settings))
+    return Extents(film, nearest, corners, unseen)
 
 
 def surface_of_part(scene: CoreScene, part: Sequence[int]) -> tuple[Doubles, npt.NDArray[np.uint32]]:

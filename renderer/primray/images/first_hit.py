@@ -29,14 +29,27 @@ def aovs_of(
     settings: RenderSettings,
 ) -> dict[str, Aov]:
     """Return AOVs by name, in the order of the requests; `counts` (R, H, W) are the film's, None where nothing is sampled."""
+    return aovs_and_planes_of(scene, requests, camera, counts, settings, ())[0]
+
+
+def aovs_and_planes_of(
+    scene: core.CoreScene,
+    requests: Sequence[AovRequest],
+    camera: Camera,
+    counts: npt.NDArray[np.uint32] | None,
+    settings: RenderSettings,
+    also: Sequence[str],
+) -> tuple[dict[str, Aov], dict[str, Values]]:
+    """Return AOVs as `aovs_of` does, and the planes `also`, of which others make theirs, from the same rays."""
     record = scene.record
     assert record is not None
     if counts is None:
         counts = np.zeros((1, *reversed(scene.resolution)), np.uint32)
     primvars = [name for name in primvars_of(requests) if record.width_of(name)]
     wanted = [(record.primvar_names[n], record.primvar_names[WIDE + n], record.width_of(n)) for n in primvars]
-    planes = _planes_of(r.source for r in requests)
+    planes = _planes_of(r.source for r in requests) | dict.fromkeys(also)
     hits = core.first_hits(scene, list(planes), wanted, settings)
+    others = {name: hits.planes[name] for name in also}
     found = hits.planes | _occlusion(scene, requests, settings)
     found |= {f"primvar:{name}": values for name, values in zip(primvars, hits.primvars, strict=True)}
     errors = _errors(scene, requests, found, settings)
@@ -44,7 +57,7 @@ def aovs_of(
     ids = Ids(scene, record, record.names)
     for request in requests:
         made[request.name] = _aov(request, found, errors, camera, counts, scene.exposure_scale, ids)
-    return made
+    return made, others
 
 
 def _planes_of(sources: Iterable[str]) -> dict[str, None]:

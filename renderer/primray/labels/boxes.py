@@ -41,6 +41,13 @@ def parts_of_scene(scene: CoreScene, hit: npt.NDArray[np.int32]) -> npt.NDArray[
     return np.concatenate(found).astype(np.int32) if found else np.zeros((0, 3), np.int32)
 
 
+def has_few_parts(scene: CoreScene) -> bool:
+    """Return whether `parts_of_scene` returns all parts of the scene, whatever is hit."""
+    of_groups = core.parts_of_groups(scene)
+    shapes = {int(group): of_groups[of_groups[:, 0] == group, 1] for group in np.unique(of_groups[:, 0])}
+    return _instances(scene, shapes) is not None
+
+
 def _instances(scene: CoreScene, shapes: dict[int, npt.NDArray[np.int32]]) -> Numbers | None:
     """Return instance, outer instance and group (N, 3) of all instances; None if they have too many parts."""
     numbers = scene.instance_numbers
@@ -76,6 +83,7 @@ class Bounds:
     sheared: dict[int, Doubles]  # (2, 3) in the space of prims whose transform shears
     world_from_axes: Doubles  # (T, 4, 4), rigid
     world_from_prim: Doubles  # (T, 4, 4)
+    is_cut: npt.NDArray[np.bool_]  # (T) whether the camera sees some of its points in no direction
 
 
 def bounds_of(
@@ -109,13 +117,16 @@ def bounds_of(
     film = np.tile([np.inf, np.inf, -np.inf, -np.inf], (len(axes), 1))
     corners = np.tile(np.array([[np.inf], [-np.inf]]), (len(axes), 1, 3))
     nearest = np.full(len(axes), np.inf)
+    is_cut = np.zeros(len(axes), bool)
+    is_cut[asked[found.unseen > 0, 3]] = True
     where = asked[:, 3]
     np.minimum.at(film[:, :2], where, found.film[:, :2])
     np.maximum.at(film[:, 2:], where, found.film[:, 2:])
     np.minimum.at(nearest, where, found.nearest)
     np.minimum.at(corners[:, 0], where, found.corners[:, 0])
     np.maximum.at(corners[:, 1], where, found.corners[:, 1])
-    return Bounds(film[:count], nearest[:count], corners[:count], {n: corners[k] for n, k in own_axes.items()}, rigid, prims)
+    sheared = {n: corners[k] for n, k in own_axes.items()}
+    return Bounds(film[:count], nearest[:count], corners[:count], sheared, rigid, prims, is_cut[:count])
 
 
 def _rigid(matrix: Doubles) -> Doubles:

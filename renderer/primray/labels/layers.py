@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 Numbers = npt.NDArray[np.int64]
 BAND = 1 << 18  # rays at a time
+MOST_KEYS = 1 << 22  # of parts, in a table that has a place for each
 
 
 class PartNames:
@@ -37,15 +39,28 @@ class PartNames:
 
     def number(self, what: npt.NDArray[np.int32]) -> Numbers:
         """Return numbers (M) of parts (M, 3), the same for parts of one name."""
-        if not len(what):
+        return self.number_columns(what[:, 0], what[:, 1], what[:, 2])
+
+    def number_columns(self, *columns: npt.NDArray[np.int32]) -> Numbers:
+        """Return numbers (M) of parts, given by shape, instance and outer instance, (M) each."""
+        if not len(columns[0]):
             return np.zeros(0, np.int64)
-        low = what.min(axis=0).astype(np.int64)
-        size = what.max(axis=0).astype(np.int64) - low + 1
-        at = what.astype(np.int64) - low
-        keys = (at[:, 0] * size[1] + at[:, 1]) * size[2] + at[:, 2]
-        _, place, back = np.unique(keys, return_index=True, return_inverse=True)
-        found = np.array([self._number(*part) for part in what[place].tolist()], np.int64)
-        return found[back.ravel()]
+        low = [int(column.min()) for column in columns]
+        size = [int(column.max()) - least + 1 for column, least in zip(columns, low, strict=True)]
+        keys = np.zeros(len(columns[0]), np.int64)
+        for column, least, count in zip(columns, low, size, strict=True):
+            keys = keys * count + (column - np.int64(least))
+        if math.prod(size) > MOST_KEYS:
+            own, keys = np.unique(keys, return_inverse=True)
+            there = np.arange(len(own))
+        else:  # without sorting the parts of all pixels
+            is_there = np.zeros(math.prod(size), bool)
+            is_there[keys] = True
+            own = there = np.flatnonzero(is_there)
+        parts = np.stack(np.unravel_index(own, size), axis=1) + low
+        found = np.zeros(int(there[-1]) + 1, np.int64)
+        found[there] = [self._number(*part) for part in parts.tolist()]
+        return np.asarray(found[keys.ravel()])
 
     def _number(self, shape: int, instance: int, outer: int) -> int:
         part = shape, instance, outer

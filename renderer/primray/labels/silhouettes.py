@@ -23,7 +23,10 @@ class Silhouettes:
         self._pixels: list[list[Pixels]] = [[] for _ in range(count)]  # (N, 2) x and y in the frame, by thing
 
     def add(self, points: npt.NDArray[Any], things: npt.NDArray[np.int32], rays: npt.NDArray[np.int32]) -> None:
-        """Add rays through points (N, 2) of the frame, with the things that they pass, sorted by these."""
+        """Add rays through points (N, 2) of the frame, with the things that they pass, sorted by these.
+
+        Rays may be added more than once.
+        """
         corner = np.array([self._window.x, self._window.y])
         pixels = np.floor(points).astype(np.int64) - corner
         ends = np.searchsorted(things, np.arange(len(self._pixels) + 1))
@@ -38,7 +41,7 @@ class Silhouettes:
         pixels = np.concatenate(self._pixels[thing])
         low, high = pixels.min(axis=0).tolist(), (pixels.max(axis=0) + 1).tolist()
         x, y = pixels[((pixels >= 0) & (pixels < [width, height])).all(axis=1)].T
-        return Silhouette((*low, *high), (height, width), run_lengths(np.sort(x * height + y), width * height))
+        return Silhouette((*low, *high), (height, width), run_lengths(np.unique(x * height + y), width * height))
 
 
 def run_lengths(places: Pixels, size: int) -> tuple[int, ...]:

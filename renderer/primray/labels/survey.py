@@ -7,7 +7,8 @@ alone; those that hit it first do show it. Rays on a canvas of 3 x 3 frames coun
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy.typing as npt
 
 from .. import core
 from ..arrays import Doubles, Floats
-from .boxes import bounds_of, box_3d, parts_of_scene
+from .boxes import bounds_of, box_3d, has_few_parts, parts_of_scene
 from .layers import NO_COUNTS, Counts, Numbers, PartNames, Passed, TaxonomyThings, in_bands, passed_by, wilson_interval
 from .silhouettes import Silhouettes
 from .things import Box, Box3D, Depth, Keypoint
@@ -26,17 +27,22 @@ if TYPE_CHECKING:
     from ..report.prepared import Prepared
     from ..settings import RenderSettings
 
+PLANES = ("prim", "instance", "outer", "depth")
 ENOUGH_RAYS = 400  # through a thing, for its occlusion; those of a smaller one are closer to each other
 FINEST = 16  # rays along a pixel's side
 MOST_RAYS = 1 << 16  # of a smaller thing
+BOX_PIXELS, BOX_SHARE = 2.0, 0.02  # by which boxes on the film are widened: spheres and curves are bounded by points on them
 KEYPOINT_DEPTH = 0.02  # how far below a surface a keypoint counts as visible, as a share of its thing's diagonal
 
 
 class Survey:
-    """What rays through a picture's pixels pass, and what the things there are."""
+    """What rays through a picture's pixels pass, and what the things there are.
 
-    def __init__(self, prepared: Prepared, parts: PartNames) -> None:
-        self._prepared = prepared
+    `planes`: those of PLANES, (H, W, 1), where the first hits of the pixels' centres are known.
+    """
+
+    def __init__(self, prepared: Prepared, parts: PartNames, planes: Mapping[str, npt.NDArray[Any]] | None = None) -> None:
+        self._prepared, self._planes = prepared, planes
         self._scene, self._settings = prepared.scene, prepared.settings
         self._window = prepared.frame.pixels
         self._parts = parts
@@ -45,9 +51,31 @@ class Survey:
 
     def frame(self) -> tuple[Numbers, Floats]:
         """Return the part (H, W) that each pixel shows, -1 for none, and its depth."""
+        if self.boxes_hold_things:
+            return self._first_hits()
         centres = _centres(self._window)
         self._bands = list(passed_by(self._scene, centres, self._parts, self._settings))
         return _first_of(self._bands, self._window)
+
+    def _first_hits(self) -> tuple[Numbers, Floats]:
+        planes = self._planes
+        if planes is None:
+            planes = core.first_hits(self._scene, PLANES, [], self._settings).planes
+        shape, instance, outer = (planes[name][..., 0] for name in PLANES[:3])
+        index, hit = np.full(shape.shape, -1, np.int64), shape != -1
+        index[hit] = self._parts.number_columns(shape[hit], instance[hit], outer[hit])
+        return index, np.asarray(planes["depth"][..., 0], np.float32)
+
+    @cached_property
+    def boxes_hold_things(self) -> bool:
+        """Whether things are nowhere but in their boxes on the film, and all of them are known.
+
+        Then rays need to pass what they hit first only where there are boxes of others, and what they hit first is what AOVs
+        show. Lenses and shutters that bend edges are followed by points along these, and a panorama's boxes lack its poles.
+        """
+        prepared = self._prepared
+        is_plain = prepared.camera.distortion is None and not prepared.rolls and not prepared.settings.silhouettes
+        return is_plain and has_few_parts(self._scene)
 
     def find_parts(self, things: Iterable[TaxonomyThings]) -> None:
         """Find all parts of the scene, also those that no pixel shows, and the things that hold them."""
@@ -65,12 +93,9 @@ class Survey:
         assert labelled is not None
         bounds = bounds_of(self._scene, self._all_parts, self._parts, things, labelled, self._settings)
         film = bounds.film - np.array([self._window.x, self._window.y] * 2)
-        inside = sum((band.counts(things) for band in self._bands), NO_COUNTS).sized(len(film))
         silhouettes = Silhouettes(len(film), self._window) if self._settings.silhouettes else None
+        inside = self._inside(things, places, film, bounds.is_cut, silhouettes).sized(len(film))
         outside = self._outside(things, film, silhouettes).sized(len(film))
-        if silhouettes is not None:
-            for band, points in zip(self._bands, in_bands(_centres(self._window)), strict=True):
-                silhouettes.add(points, *band.rays(things))
         means = _mean_depths(things, places, depth)
         found: dict[int, dict[str, Any]] = {}
         for n in np.flatnonzero((inside.passing + outside.passing > 0) | self._is_on_canvas(film)).tolist():
@@ -100,6 +125,48 @@ class Survey:
                 found[n]["silhouette"] = silhouettes.of(n)
         self._add_keypoints(found, things)
         return found
+
+    def _inside(
+        self,
+        things: TaxonomyThings,
+        places: Numbers,
+        film: Doubles,
+        is_cut: npt.NDArray[np.bool_],
+        silhouettes: Silhouettes | None,
+    ) -> Counts:
+        """Return the counts of rays through the frame's pixels."""
+        if not self.boxes_hold_things:
+            counts = NO_COUNTS
+            for band, points in zip(self._bands, in_bands(_centres(self._window)), strict=True):
+                counts += band.counts(things)
+                if silhouettes is not None:
+                    silhouettes.add(points, *band.rays(things))
+            return counts
+        first = np.bincount(places[places >= 0], minlength=len(film))
+        for n in reversed(range(len(film))):  # what a thing holds is after it
+            if (parent := things.hierarchy.parents[n]) >= 0:
+                first[parent] += first[n]
+        # Add what is behind the first hit, where there are boxes of other things than those that are hit there.
+        height, width = places.shape
+        boxes = np.zeros((height + 1, width + 1), np.int32)
+        for box, is_anywhere in zip(film, is_cut, strict=True):
+            x0, y0, x1, y1 = 0, 0, width, height
+            if not is_anywhere:
+                if not np.isfinite(box).all():
+                    continue
+                margin = BOX_PIXELS + BOX_SHARE * (box[2:] - box[:2]).max()
+                x0, y0 = (max(0, min(math.floor(v - margin), size)) for v, size in zip(box[:2], (width, height), strict=True))
+                x1, y1 = (max(0, min(math.ceil(v + margin), size)) for v, size in zip(box[2:], (width, height), strict=True))
+            boxes[[y0, y1], [x0, x1]] += 1
+            boxes[[y0, y1], [x1, x0]] -= 1
+        boxes = boxes.cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)[:height, :width]
+        levels = np.array([len(things.hierarchy.above(n)) for n in range(len(film))] + [0], np.int32)
+        points = _centres(self._window)[(boxes > levels[places]).ravel()]
+        counts = Counts(first, first)
+        for band in passed_by(self._scene, points, self._parts, self._settings):
+            passed = band.counts(things)
+            counts += Counts(passed.passing - passed.first, np.zeros_like(passed.first))
+        return counts
 
     def _outside(self, things: TaxonomyThings, film: Doubles, silhouettes: Silhouettes | None) -> Counts:
         """Return the counts of rays on the canvas around the frame, where things go beyond the frame."""

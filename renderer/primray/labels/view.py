@@ -16,7 +16,7 @@ from ..images.aov import Aov, channel_names
 from ..images.writers import exr_matrices
 from ..lens.distortion import distortion_as_json
 from .layers import Numbers, PartNames, TaxonomyThings
-from .survey import Survey, first_parts
+from .survey import PLANES, Survey, first_parts
 from .table import LabelTable, extended_table
 from .things import Box, Hierarchy, Thing, ids_of_paths
 
@@ -35,12 +35,17 @@ class Seen:
 
 
 def labels_of_view(
-    prepared: Prepared, requests: Sequence[AovRequest], diagnostics: Diagnostics
+    prepared: Prepared,
+    requests: Sequence[AovRequest],
+    diagnostics: Diagnostics,
+    planes: Mapping[str, npt.NDArray[Any]] | None = None,
 ) -> tuple[dict[str, Aov], dict[str, Any]]:
-    """Return AOVs by name, and the report's entries: the camera's matrices, boxes of labelled objects, and things."""
+    """Return AOVs by name, and the report's entries: the camera's matrices, boxes of labelled objects, and things.
+
+    `planes`: those of `planes_of_labels`, if other AOVs have them.
+    """
     parts = PartNames(prepared.scene)
-    measures = any(r.source.startswith(THINGS) for r in requests)
-    survey = Survey(prepared, parts) if measures else None
+    survey = Survey(prepared, parts, planes) if _measures(requests) else None
     seen = _seen_of(prepared, parts) if survey is None else _seen_by(survey, parts)
     says: dict[str, Any] = {"camera": _camera_facts(prepared), "boxes": {}}
     made: dict[str, Aov] = {}
@@ -63,6 +68,15 @@ def labels_of_view(
     if survey is not None:
         says["things"] = [thing.as_json() for taxonomy in with_ids for thing in of_things[taxonomy].measured(seen, survey)]
     return made, says
+
+
+def _measures(requests: Sequence[AovRequest]) -> bool:
+    return any(r.source.startswith(THINGS) for r in requests)
+
+
+def planes_of_labels(requests: Sequence[AovRequest]) -> tuple[str, ...]:
+    """Return the planes of first hits that the AOVs of labels can take from a pass for others."""
+    return PLANES if _measures(requests) else ()
 
 
 def _seen_by(survey: Survey, parts: PartNames) -> Seen:

@@ -6,7 +6,7 @@ Expensive modules are imported when a render starts; importing this module is ch
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, replace
 from inspect import Parameter, signature
@@ -378,9 +378,9 @@ def find_aovs(
     from ..aovs import CRYPTOMATTES, DEEP, light_path_of, taxonomy_of
     from ..diagnostics import kept_without
     from ..images.cryptomatte import mattes_of
-    from ..images.first_hit import aovs_of
+    from ..images.first_hit import aovs_and_planes_of
     from ..images.light_path_aovs import light_paths_of_film
-    from ..labels.view import labels_of_view
+    from ..labels.view import labels_of_view, planes_of_labels
 
     mattes = [request for request in prepared.aovs if request.source in CRYPTOMATTES]
     labels = [request for request in prepared.aovs if taxonomy_of(request.source)]
@@ -389,6 +389,7 @@ def find_aovs(
     plain = [request for request in prepared.aovs if request not in others and request.source != DEEP]
     says: dict[str, Any] = {}
     found: dict[str, Aov] = {}
+    planes: Mapping[str, Any] | None = None
     counts = None if sampling is None else sampling.film.counts
 
     def kept(requests: Sequence[AovRequest]) -> AbstractContextManager[None]:
@@ -396,7 +397,10 @@ def find_aovs(
 
     with costs.stage("aovs"):
         with kept(plain):
-            found |= aovs_of(prepared.scene, plain, prepared.camera, counts, prepared.settings) if plain else {}
+            if plain:
+                also = () if prepared.rolls else planes_of_labels(labels)
+                made, planes = aovs_and_planes_of(prepared.scene, plain, prepared.camera, counts, prepared.settings, also)
+                found |= made
         if sampling is not None:
             with kept(mattes):
                 found |= mattes_of(prepared.scene, mattes, sampling, prepared.assets) if mattes else {}
@@ -404,7 +408,7 @@ def find_aovs(
                 found |= light_paths_of_film(prepared.scene, routed, sampling.film) if routed else {}
         with kept(labels):
             if labels and prepared.labelled is not None:
-                made, says = labels_of_view(prepared, labels, diagnostics)
+                made, says = labels_of_view(prepared, labels, diagnostics, planes)
                 found |= made
     return {request.name: found[request.name] for request in prepared.aovs if request.name in found}, says
 
