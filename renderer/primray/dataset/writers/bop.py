@@ -3,7 +3,7 @@
 Poses are cam_R_m2c (row-wise) and cam_t_m2c (mm) from the prim's own space, in OpenCV's axes; a prim's scale is in its model
 (bop_models.py), as R has no place for it. Depth is 16 bits along Z, times depth_scale in mm. Boxes are those of bop_toolkit:
 width is max - min, so that one pixel has 0, and -1 -1 -1 -1 where nothing is seen. `mask`, the boxes of silhouettes and exact
-counts of valid pixels need the setting `silhouettes`. (bop_toolkit, docs/bop_datasets_format.md; scripts/calc_gt_info.py)
+counts of valid pixels need the setting `silhouettes`. (bop_toolkit, its calc_gt_info and docs/bop_datasets_format.md)
 """
 
 from __future__ import annotations

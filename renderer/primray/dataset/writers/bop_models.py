@@ -3,7 +3,7 @@
 A model has the shape of a thing with the scale of its prim, which poses have no place for. Things of one class that have the
 same shape are one model; the first of a class has the class's id, others have ids after those of all classes. A thing whose
 shape changes, as a variant's does, is another model then. One with more shapes than MOST_SHAPES, as a robot whose joints turn,
-has no model. (bop_toolkit, docs/bop_datasets_format.md; scripts/calc_model_info.py)
+has no model. (bop_toolkit, its calc_model_info and docs/bop_datasets_format.md)
 """
 
 from __future__ import annotations
