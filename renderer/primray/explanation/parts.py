@@ -22,7 +22,7 @@ from ..arrays import Doubles
 from ..sampling.error import student_quantile
 
 BIN_BITS, LOWEST_BIN = 40, -4  # as in exact_sum.hpp
-RARE = 8.0  # so many times the error of all renders together must fit into a part's light, squared, for an interval
+RARE = 16.0  # the mean of all renders, squared, is at least so many times its variance where a part has an interval
 Color = tuple[float, float, float]
 
 
