@@ -28,10 +28,7 @@ ALL = "all"
 
 @dataclass(frozen=True, eq=False)
 class LuminancePicture:
-    """Luminance (H, W) in cd/m2 as a camera sees it, with its standard errors.
-
-    >>> [picture] = luminance_pictures("shot.usda", ["all"], resolution=(32, 18), spp=2)  # doctest: +SKIP
-    """
+    """Luminance (H, W) in cd/m2 as a camera sees it, with its standard errors."""
 
     camera: str
     luminance: Doubles
