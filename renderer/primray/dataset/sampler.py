@@ -152,10 +152,16 @@ class Sampler:
             return
         known, found = (json.loads(text)["classes"] for text in (self._classes, self._table.read_text(encoding="utf-8")))
         taxonomy = self._config.labels.taxonomy
-        if new := sorted(found.get(taxonomy, {}).keys() - known.get(taxonomy, {}).keys()):
+        if new := ", ".join(sorted(found.get(taxonomy, {}).keys() - known.get(taxonomy, {}).keys())):
+            labels = self._config.labels
+            if labels.table is not None:
+                message = f"the label table {labels.table} has no ids of classes of the stage: {new}; add them to it"
+            elif labels.classes:
+                message = f"labels: classes lacks classes of the stage: {new}; add them to the list"
+            else:
+                message = f"the stage gets classes that the first sample does not have: {new}; list all in labels: classes"
             raise SettingsError(
-                f"the stage gets classes that the first sample does not have: {', '.join(new)}; list all of them in "
-                "labels: classes",
+                message,
                 where=self._config.labels.taxonomy,
                 code="dataset-classes",
             )

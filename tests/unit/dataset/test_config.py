@@ -122,3 +122,17 @@ def test_a_table_that_is_not_there_and_a_taxonomy_without_a_name_are_refused(tmp
         with pytest.raises(SettingsError, match=says) as error:
             parsed(tmp_path, f"labels: {text}")
         assert error.value.where == f"set.yaml:3: labels.{key}"
+
+
+def test_a_list_or_table_without_a_class_of_the_stage_says_which(tmp_path: Path) -> None:
+    from primray.dataset import make
+
+    (tmp_path / "ids.json").write_text('{"classes": {"class": {"ball": 7}}}')
+    small = "settings: {resolution: [8, 6], spp: 1}\nlabels: "
+    for labels, says in (
+        ("{classes: [ball]}", "labels: classes lacks .*: box"),
+        ("{table: ids.json}", "ids.json has no ids .*: box"),
+    ):
+        with pytest.raises(SettingsError, match=says) as error:
+            make(parsed(tmp_path, small + labels), tmp_path / says[:4])
+        assert error.value.code == "dataset-classes"
