@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -139,6 +140,11 @@ class ExplainedPixel:
         from .drawing import save_overlay
 
         save_overlay(image, self, Path(path))
+
+    def _repr_html_(self) -> str:
+        """Return the text for a notebook's cell."""
+        text = "\n".join(self.lines())
+        return f"<pre>{escape(text)}</pre>"
 
     def lines(self, most: int = 8) -> list[str]:
         """Return the parts as text, of each split the `most` largest."""

@@ -178,3 +178,12 @@ def test_where_nothing_is_there_are_no_parts(tmp_path: Path) -> None:
     assert pixel.value == (0, 0, 0)
     assert not any(pixel.splits.values())
     assert pixel.lines()
+
+
+def test_a_notebook_shows_the_text(tmp_path: Path) -> None:
+    (tmp_path / "<room>.usda").write_text(ROOM)
+    pixel = primray.explain(tmp_path / "<room>.usda", 9, 18, resolution=(32, 24), spp=4, renders=0)
+    shown = pixel._repr_html_()
+    assert "&lt;room&gt;.usda, pixel 9 18" in shown
+    assert "by the prim that sends it here" in shown
+    assert "<room>" not in shown
