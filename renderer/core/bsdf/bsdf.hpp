@@ -133,6 +133,10 @@ struct Bsdf {
     return min(k, 1.0f);
   }
 
+  // Probability of the lobe whose density is the cosine over pi; it has the lowest lobe numbers. For surfaces that are there as
+  // a whole.
+  PRIMRAY_INLINE vfloat<W> cosine_lobe() const { return any_preview ? select(preview, p_diffuse, 1.0f) : vfloat<W>(1.0f); }
+
   // Evaluates all but the delta lobes.
   PRIMRAY_INLINE BsdfEval<W> eval(const vvec3<W>& wo, const vvec3<W>& wi) const {
     const vbool<W> reflects = (wi.z > vfloat<W>(0.0f)) & (wo.z > vfloat<W>(0.0f));

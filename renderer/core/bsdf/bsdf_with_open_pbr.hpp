@@ -33,6 +33,10 @@ struct BsdfWithOpenPbr : Bsdf<W> {
     if (any(is_open_pbr)) set_open_pbr(field, active, wo, front, beside, deep);
   }
 
+  vfloat<W> cosine_lobe() const {
+    const F other = Bsdf<W>::cosine_lobe();
+    return open_pbr ? select(is_open_pbr, open_pbr->p_diffuse, other) : other;
+  }
   vbool<W> lets_through() const { return open_pbr ? is_open_pbr & open_pbr->lets_through() : vbool<W>(false); }
 
   __attribute__((noinline)) BsdfEval<W> eval(const V& wo, const V& wi) const {

@@ -23,13 +23,14 @@ namespace primray {
 // Probability of sampling a scattered ray from a guide of little learning, where it is valid; in media at most.
 constexpr float kGuideShare = 0.5f;
 
-// Location of points in the guide: the region, or -1, and the orientation, and the probability of sampling from the guide.
-// Regions are of hemispheres on surfaces.
+// Location of points in the guide: the region, or -1, and the orientation, and the probability of sampling from the guide where
+// the BSDF has chosen its diffuse lobe. Regions are of hemispheres on surfaces.
 template <int W, bool kInMedium = false>
 struct GuideLocation {
   vint<W> region, side;
   float share = kGuideShare;
-  vvec3<W> aside;  // from the middle of the block, in radii of its sphere
+  vvec3<W> aside;     // from the middle of the block, in radii of its sphere
+  vfloat<W> diffuse;  // probability of the diffuse lobe
 };
 // Inside media regions are of spheres, and the share depends on the phase function.
 template <int W>
@@ -93,7 +94,7 @@ struct Guide {
   template <int W>
   PRIMRAY_INLINE GuideLocation<W> place_of(const vvec3<W>& p, const vvec3<W>& n) const {
     const vint<W> side = side_of<W>(n);
-    return {gather<W>(region.data(), cell_of(surfaces, side, p)), side, share, aside_of(surfaces, side, p)};
+    return {gather<W>(region.data(), cell_of(surfaces, side, p)), side, share, aside_of(surfaces, side, p), vfloat<W>(1.0f)};
   }
   // Region of points inside media, or -1.
   template <int W>

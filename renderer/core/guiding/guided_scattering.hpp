@@ -79,7 +79,10 @@ PRIMRAY_RARE BsdfSample<W> sample_guided(const CausticLanes<W>& guide, const Lob
   return s;
 }
 
-// Locates the lanes in the guide: those on surfaces that scatter widely and transmit nothing.
+// Smallest probability of a diffuse lobe for which directions are guided.
+constexpr float kLeastDiffuse = 0.3f;
+
+// Locates the lanes in the guide: those on surfaces that have a diffuse lobe and transmit nothing.
 template <int W, class Lobes>
 PRIMRAY_RARE GuideLocation<W> find_place(const Guide& guide, vbool<W> scatters, const vvec3<W>& p, const vvec3<W>& ng,
                                          const Lobes& bsdf) {
@@ -88,9 +91,10 @@ PRIMRAY_RARE GuideLocation<W> find_place(const Guide& guide, vbool<W> scatters, 
   if (bsdf.any_preview) {
     const vbool<W> opaque = (bsdf.p_diffuse + bsdf.p_specular + bsdf.p_coat > vfloat<W>(0.9999f)) & (bsdf.presence >= one);
     wide &= !bsdf.lets_through();
-    wide &= (!bsdf.preview) | (opaque & !bsdf.mirror & (bsdf.p_diffuse > vfloat<W>(0.3f)));
+    wide &= (!bsdf.preview) | (opaque & (bsdf.cosine_lobe() > vfloat<W>(kLeastDiffuse)));
   }
   GuideLocation<W> place = guide.place_of<W>(p, ng);
+  place.diffuse = bsdf.cosine_lobe();
   place.region = select(wide, place.region, vint<W>(-1));
   return place;
 }
@@ -112,20 +116,28 @@ PRIMRAY_INLINE GuideLocation<W, kInMedium> valid_place(const GuideLocation<W, kI
   return valid;
 }
 
-// Density of directions `wi` (world space) of the mixture, from the BSDF's density.
+// Density of directions `wi` (world space; `cosine` to the shading normal) of the mixture, from the BSDF's density. On surfaces
+// the guide stands in for a share of the diffuse lobe alone, as its directions are those of radiance times cosine: glossy lobes
+// keep their probabilities.
 template <bool kInMedium, int W>
 PRIMRAY_RARE vfloat<W> mixed_pdf(const Guide& guide, const GuideLocation<W, kInMedium>& place, const vvec3<W>& wi,
-                                 vfloat<W> bsdf_pdf) {
+                                 vfloat<W> cosine, vfloat<W> bsdf_pdf) {
   const vbool<W> known = place.region >= vint<W>(0);
-  const vfloat<W> pdf = guide.pdf(valid_place(place), wi);
+  vfloat<W> pdf = guide.pdf(valid_place(place), wi);
+  if constexpr (!kInMedium) {
+    const vfloat<W> zero(0.0f), by_diffuse = place.diffuse * (max(cosine, zero) * kInvPi);
+    pdf = pdf * place.diffuse + max(bsdf_pdf - by_diffuse, zero);
+  }
   return select(known, bsdf_pdf * (1.0f - place.share) + pdf * place.share, bsdf_pdf);
 }
 
-// Chooses the lanes whose direction the guide samples. One random number chooses and is rescaled, so that its strata serve
-// both.
+// Chooses the lanes whose direction the guide samples, on surfaces among those whose number `lobe` is the diffuse lobe's. One
+// random number chooses and is rescaled, so that its strata serve both.
 template <bool kInMedium, int W>
-PRIMRAY_RARE vbool<W> choose_guide(const GuideLocation<W, kInMedium>& place, vfloat<W>& u) {
-  const vbool<W> known = place.region >= vint<W>(0), by_guide = known & (u < vfloat<W>(place.share));
+PRIMRAY_RARE vbool<W> choose_guide(const GuideLocation<W, kInMedium>& place, vfloat<W> lobe, vfloat<W>& u) {
+  vbool<W> known = place.region >= vint<W>(0);
+  if constexpr (!kInMedium) known &= lobe < place.diffuse;
+  const vbool<W> by_guide = known & (u < vfloat<W>(place.share));
   const vfloat<W> rest = select(by_guide, u * (1.0f / place.share), (u - place.share) * (1.0f / (1.0f - place.share)));
   u = select(known, min(rest, 0x1.fffffep-1f), u);
   return by_guide;
@@ -137,7 +149,8 @@ template <bool kInMedium, int W, class Lobes>
 PRIMRAY_RARE void sample_guided(const Guide& guide, const GuideLocation<W, kInMedium>& place, vbool<W> by_guide,
                                 const Pair<W>& u, const Frame<vfloat<W>>& frame, const vvec3<W>& wo, const Lobes& bsdf,
                                 BsdfSample<W>& s) {
-  const vbool<W> known = place.region >= vint<W>(0);
+  // Of a polished surface the mirror's direction stays as it is.
+  const vbool<W> known = (place.region >= vint<W>(0)) & !s.is_delta;
   if (!any(known)) return;
   if (any(by_guide)) s.wi = select(by_guide, frame.to_local(guide.sample(valid_place(place), u.u, u.v)), s.wi);
   vbool<W> reflects = known;
@@ -147,7 +160,7 @@ PRIMRAY_RARE void sample_guided(const Guide& guide, const GuideLocation<W, kInMe
     reflects &= s.wi.z > vfloat<W>(0.0f);
   const BsdfEval<W> f = bsdf.eval(wo, s.wi);
   const vvec3<W> sum = f.diffuse + f.specular;
-  const vfloat<W> pdf = max(mixed_pdf(guide, place, frame.to_world(s.wi), f.pdf), 1e-30f);
+  const vfloat<W> pdf = max(mixed_pdf(guide, place, frame.to_world(s.wi), s.wi.z, f.pdf), 1e-30f);
   s.weight = select(known, select(reflects, sum * (1.0f / pdf), vvec3<W>(vfloat<W>(0.0f))), s.weight);
   s.pdf = select(known, pdf, s.pdf);
   const vvec3<W> some(max(sum.x, 1e-30f), max(sum.y, 1e-30f), max(sum.z, 1e-30f));

@@ -49,14 +49,15 @@ PRIMRAY_INLINE BsdfSample<W> sample_direction(const Round& round, const Vertex<W
                                               const LobeRange<W>* range, vfloat<W>& splits, vfloat<W>& own) {
   const Guide* guide = round.settings.guide;
   const vint<W> bounce = p.vertex + vint<W>(1);
-  Pair<W> u = p.sampler.link(bounce + vint<W>(round.first_link()));
+  const Pair<W> u = p.sampler.link(bounce + vint<W>(round.first_link()));
   vfloat<W> lobe = v.bsdf.any_preview || v.caustics ? p.sampler.single(bounce, Purpose::kLobe) : vfloat<W>(0.0f);
   if (range) lobe = min(range->begin + lobe * range->size, 0x1.fffffep-1f);
-  const vbool<W> by_guide = guide ? choose_guide(v.place, u.u) : vbool<W>(false);
   // Inlined for the common case; the compiler would otherwise count the guided branch as well and emit a call for all.
   const auto sample = [&](vfloat<W> l) __attribute__((always_inline)) {
-    BsdfSample<W> found = v.bsdf.sample(v.wo, l, u.u, u.v);
-    if (guide) sample_guided(*guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, found);
+    Pair<W> at = u;
+    const vbool<W> by_guide = guide ? choose_guide(v.place, l, at.u) : vbool<W>(false);
+    BsdfSample<W> found = v.bsdf.sample(v.wo, l, at.u, at.v);
+    if (guide) sample_guided(*guide, v.place, by_guide, at, v.frame, v.wo, v.bsdf, found);
     return found;
   };
   const auto density = [&](const vvec3<W>& wi, vfloat<W> by_bsdf) { return scattered_density(round, v, wi, by_bsdf); };

@@ -117,7 +117,7 @@ PRIMRAY_INLINE vvec3<W> facing(const Vertex<W, Lobes>& v) {
 template <int W, class Lobes>
 PRIMRAY_INLINE vfloat<W> scattered_density(const Round& round, const Vertex<W, Lobes>& v, const vvec3<W>& wi,
                                            vfloat<W> by_bsdf) {
-  return round.settings.guide ? mixed_pdf(*round.settings.guide, v.place, wi, by_bsdf) : by_bsdf;
+  return round.settings.guide ? mixed_pdf(*round.settings.guide, v.place, wi, dot(wi, v.frame.n), by_bsdf) : by_bsdf;
 }
 
 // Confirms hits on a triangle's edge: whether a ray a little further inside hits the same triangle.

@@ -25,7 +25,7 @@ nb::object scatter_inside(const Scene& scene, const Guide& guide, float phase, I
     const Frame<vfloat<W>> frame(back);
     const PhaseLobes<W> lobes{vfloat<W>(phase)};
     Pair<W> numbers{u.number<W>(at, 0), u.number<W>(at, 1)};
-    const vbool<W> by_guide = choose_guide(place, numbers.u);
+    const vbool<W> by_guide = choose_guide(place, zero, numbers.u);
     BsdfSample<W> s = lobes.sample(wo, zero, numbers.u, numbers.v);
     sample_guided(guide, place, by_guide, numbers, frame, wo, lobes, s);
     const vvec3<W> given = wi.vector<W>(at);
@@ -33,7 +33,7 @@ nb::object scatter_inside(const Scene& scene, const Guide& guide, float phase, I
     r.put(at, select(place.region >= vint<W>(0), one, zero), 0);
     const vvec3<W> d = frame.to_world(s.wi);
     r.put(at, d.x, 1), r.put(at, d.y, 2), r.put(at, d.z, 3);
-    r.put(at, s.pdf, 4), r.put(at, s.weight.x, 5), r.put(at, mixed_pdf(guide, place, given, by_phase), 6);
+    r.put(at, s.pdf, 4), r.put(at, s.weight.x, 5), r.put(at, mixed_pdf(guide, place, given, zero, by_phase), 6);
   });
   return r.array();
 }
