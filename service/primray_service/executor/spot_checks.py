@@ -258,7 +258,7 @@ class _CheckedPart:
         first, end = chunk.command["settings"]["sample_range"]
         seed = seed_of(self._executor.secret, hash_of_file(copy), (first, end))
         command = {name: chunk.command[name] for name in FROM_CHUNK if name in chunk.command}
-        command |= {"do": "spot-check", "part": PART, "number": int(saved["number"]) - 1, "seed": f"{seed:x}"}
+        command |= {"do": "spot-check", "part": PART, "number": chunk.command["number"], "seed": f"{seed:x}"}
         return replace(
             chunk,
             id=f"{chunk.id}-check",

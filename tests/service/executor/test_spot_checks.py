@@ -69,7 +69,7 @@ class Cheating:
     def __init__(self, inner: LocalExecutor, cheat: Cheat) -> None:
         self.inner, self.cheat = inner, cheat
         self.kinds: list[str] = []
-        self.cheated = 0
+        self.cheated = self.saved = 0
 
     def capacity(self) -> Capacity:
         return self.inner.capacity()
@@ -82,6 +82,7 @@ class Cheating:
         handles: list[Handle] = []
 
         def hear(message: Any) -> None:
+            self.saved += message["at"] == "checkpoint"
             if message["at"] == "checkpoint" and not self.cheated:
                 self.cheated += 1
                 settings = settings_of_json(chunk.command["settings"])
@@ -133,6 +134,7 @@ def served(
     tiles: int,
     act: Callable[[Rig, CheckedExecutor, Any], Awaitable[None]],
     kind: type[Cheating] = Cheating,
+    limits: Limits | None = None,
 ) -> None:
     made: list[tuple[CheckedExecutor, Cheating]] = []
 
@@ -143,7 +145,7 @@ def served(
         return made[0][0]
 
     async def run() -> None:
-        async with dispatching(root, make) as rig:
+        async with dispatching(root, make, limits=limits) as rig:
             await act(rig, *made[0])
 
     asyncio.run(run())
@@ -180,6 +182,18 @@ def test_a_cheating_worker_is_found_and_the_picture_is_that_of_one_render(tmp_pa
         assert ("the part is refused: pixels" in log) == (cheat is not honest)
 
     served(tmp_path, cheat, 12, act)
+
+
+def test_parts_that_save_under_way_are_checked_when_they_are_done(tmp_path: Path) -> None:
+    async def act(rig: Rig, checked: CheckedExecutor, outside: Cheating) -> None:
+        asked = {**ASKED, "stop": {"max_samples": 512}}
+        job = rig.submit(rig.scene(SCENE.read_bytes()), settings=asked, parallel="auto")
+        [ended] = await rig.ended(job.id, timeout_s=240)
+        whole = render(str(SCENE), RenderSettings(resolution=SIZE, seed=5, adaptive=False, spp=512))
+        assert pixels(ended) == pixels_sha256(whole.pixels)
+        assert outside.saved > outside.kinds.count("part")
+
+    served(tmp_path, honest, 1, act, limits=Limits(free_disk_bytes=0, checkpoint_every_s=0.001))
 
 
 def test_frames_that_are_not_in_parts_are_rendered_here(tmp_path: Path, plain: str) -> None:
