@@ -141,7 +141,7 @@ def test_a_view_that_fails_at_the_end_costs_nothing_else(
 @pytest.mark.parametrize(
     ("where", "asked"),
     [
-        ("primray.images.first_hit.aovs_of", ["--aov", "depth"]),
+        ("primray.images.first_hit.aovs_and_planes_of", ["--aov", "depth"]),
         ("primray.images.cryptomatte.mattes_of", ["--aov", "crypto_object"]),
         ("primray.images.light_path_aovs.light_paths_of_film", ["--aov", "C<RD>L"]),
         ("primray.images.glare.with_diffusion", ["--diffusion", "0.1"]),
