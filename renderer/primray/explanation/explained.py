@@ -7,7 +7,7 @@ prim that sends it to what the pixel shows.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
@@ -28,6 +28,7 @@ from .tried_edit import TriedEdit
 
 if TYPE_CHECKING:
     from ..images.image import Image
+    from ..incremental.steps import CachedSteps
     from ..report.prepared import Prepared
     from ..settings.written import SettingsValues
 
@@ -182,10 +183,11 @@ def explain(
 
 
 class Explainer:
-    """Pixels of one stage, which stays translated and built between them."""
+    """Pixels of one stage, which stays translated and built between them. `steps`: `further_steps` to do so by."""
 
-    def __init__(self, kept: KeptStage) -> None:
+    def __init__(self, kept: KeptStage, steps: CachedSteps | None = None) -> None:
         self._kept = kept
+        self._steps = steps
 
     @property
     def stage(self) -> Any:
@@ -214,14 +216,22 @@ class Explainer:
 
     def prepare(self, x: int, y: int, settings: RenderSettings) -> PixelRender:
         """Return the renders of a pixel."""
-        defaults = {name: getattr(RenderSettings(), name) for name in PLAIN}
-        asked = replace(settings, **defaults, aovs=NAMING_AOVS, region=None)
-        width, height = self._kept.translated(asked).frame.resolution
+        width, height = self._resolution(settings)
         if not (0 <= x < width and 0 <= y < height):
             sentence = f"the frame has {width} x {height} pixels, and none at {x} {y}"
             raise SettingsError(sentence, where="--pixel", code="explain-pixel")
         region = (x / width, 1 - (y + 1) / height, (x + 1) / width, 1 - y / height)
         return PixelRender(self.prepared(settings, region, (*NAMING_AOVS, *EXPRESSIONS)), x, y)
+
+    def prepare_at(self, across: float, down: float, settings: RenderSettings) -> PixelRender:
+        """Return the renders of the pixel at a point of the frame, in 0 to 1 from its upper left corner."""
+        width, height = self._resolution(settings)
+        return self.prepare(min(int(across * width), width - 1), min(int(down * height), height - 1), settings)
+
+    def _resolution(self, settings: RenderSettings) -> tuple[int, int]:
+        defaults = {name: getattr(RenderSettings(), name) for name in PLAIN}
+        asked = replace(settings, **defaults, aovs=NAMING_AOVS, region=None)
+        return self._kept.translated(asked).frame.resolution
 
     def prepared(self, settings: RenderSettings, region: tuple[float, float, float, float], aovs: Sequence[str]) -> Prepared:
         """Return a region of the frame, ready to be sampled; edits of the stage since the last one are taken."""
@@ -230,20 +240,22 @@ class Explainer:
 
         defaults = {name: getattr(RenderSettings(), name) for name in PLAIN}
         asked, costs = replace(settings, **defaults, region=region, aovs=tuple(aovs)), Costs()
-        with self._kept.steps(costs):
-            prepared = self._kept.prepare(asked, costs, Diagnostics())
+        prepared = self._kept.prepare(asked, costs, Diagnostics(), steps=self._steps)
         return replace(prepared, settings=replace(prepared.settings, **defaults))
 
 
-def explained(render: PixelRender, renders: int = RENDERS) -> ExplainedPixel:
-    """Return a pixel in parts."""
+def explained(render: PixelRender, renders: int = RENDERS, check: Callable[[], None] = lambda: None) -> ExplainedPixel:
+    """Return a pixel in parts. `check` is called before each further render, and ends them by what it raises."""
     prepared, span, seed = render.prepared, render.span, render.settings.seed
     film = render.film(seed, span)
     value, alpha = pixel_of(film)
     samples = list(render.samples(seed, span))
     count = span[1] - span[0]
     fewer = min(count, max(MOST_LOGGED // max(renders, 1), 2))
-    others = [_Other.of(render, one, (span[0], span[0] + fewer)) for one in other_seeds(seed, renders)]
+    others = []
+    for one in other_seeds(seed, renders):
+        check()
+        others.append(_Other.of(render, one, (span[0], span[0] + fewer)))
     ratio, weights = fewer / count, render.weights
     values: dict[str, Mapping[str, Doubles]] = {}
     differences: dict[str, Mapping[str, Doubles]] = {}

@@ -28,9 +28,20 @@ def lines(pixel: ExplainedPixel, most: int) -> list[str]:
     for name, parts in pixel.splits.items():
         text += ["", TITLES[name], *_table(parts, most)]
     text += [*_noise(pixel), *_edits(pixel)]
-    if any(part.is_rare for parts in pixel.splits.values() for part in parts):
+    if has_rare(pixel):
         text += ["", "?  paths so rare that the error is hardly known: the true part may be several times larger, or smaller"]
     return text
+
+
+def has_rare(pixel: ExplainedPixel) -> bool:
+    """Return whether parts are known so badly that they have a question mark."""
+    return any(part.is_rare for parts in pixel.splits.values() for part in parts)
+
+
+def most_of(parts: Sequence[Part], most: int) -> tuple[Sequence[Part], int, float]:
+    """Return the largest parts, at most so many and none that is negligible; the number of others, and their share."""
+    shown = [part for part in parts if max(part.share, part.share_error or 0.0) >= LEAST][:most]
+    return shown, len(parts) - len(shown), sum(part.share for part in parts if part not in shown)
 
 
 def _noise(pixel: ExplainedPixel) -> Iterator[str]:
@@ -59,13 +70,12 @@ def _edits(pixel: ExplainedPixel) -> Iterator[str]:
 
 
 def _table(parts: Sequence[Part], most: int) -> Iterator[str]:
-    shown = [part for part in parts if max(part.share, part.share_error or 0.0) >= LEAST]
-    for part in shown[:most]:
+    shown, count, rest = most_of(parts, most)
+    for part in shown:
         error = " " * 9 if part.share_error is None else f" +- {100 * part.share_error:<4.1f}{'?' if part.is_rare else ' '}"
         yield f"  {100 * part.share:5.1f}{error} %  {_color(part.value):32} {part.name}"
-    if len(parts) > len(shown[:most]):
-        rest = sum(part.share for part in parts if part not in shown[:most])
-        yield f"  {100 * rest:5.1f}          %  {'':32} {len(parts) - len(shown[:most])} more"
+    if count:
+        yield f"  {100 * rest:5.1f}          %  {'':32} {count} more"
 
 
 def _color(values: Sequence[float]) -> str:

@@ -138,6 +138,7 @@ class KeptStage(OpenedFrames):
 
             self.opened, self._is_given = replace(self.opened, stage=scratch_copy(stage)), False
         self._changes = StageChanges(self.opened.stage)
+        self.edits = 0  # taken so far, counting those since the take before as one
         self._steps = MemoryLimitedSteps() if is_frugal else CachedSteps(SharedTranslation(lock))
 
     @property
@@ -180,6 +181,7 @@ class KeptStage(OpenedFrames):
         steps = self._steps if steps is None else steps
         with self.lock, OpenedFrames.steps(self, costs):
             self._catch_up(costs)
+            steps.edits = self.edits
             stage, opening = self.opened.stage, self.opened.diagnostics
         with steps.whole():
             return prepare(stage, opening, settings, costs, diagnostics, fingerprinted=fingerprinted, steps=steps)
@@ -210,6 +212,7 @@ class KeptStage(OpenedFrames):
             from ..usd.stage.composition import follow_session_layers
 
             follow_session_layers(self.opened.stage)
+        self.edits += self._changes.are_there()
         changes = self._changes.take()
         self._steps.translation.changes.add(changes)
         if changes.others:

@@ -104,6 +104,7 @@ class CachedSteps(Steps):
 
     def __init__(self, translation: SharedTranslation | None = None) -> None:
         self.translation = SharedTranslation() if translation is None else translation
+        self.edits = 0  # of the stage that the last scene has (KeptStage.edits)
         self._is_whole = True
         self._out_of_core: tuple[object, ...] | None = None
         self._translation = self.translation.kept

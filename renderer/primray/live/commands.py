@@ -24,7 +24,8 @@ def order_of(command: Mapping[str, Any]) -> Order:
 
     tumble, pan, look: "across", "down" as fractions of the picture's height; dolly: "steps", each nearer by a factor of e; fly:
     "ahead", "across", "up" as parts of the distance to what the camera goes around; pivot, select: "x", "y", a point of the
-    picture from its upper left corner, in 0 to 1; deselect, frame, reset; camera: "path" (null: as the settings say); variant:
+    picture from its upper left corner, in 0 to 1; explain: likewise, a pixel of which `explanation` then says what its light is
+    made of; deselect, frame, reset; camera: "path" (null: as the settings say); variant:
     "prim", "set", "name" ("": none); set: values of SETTINGS by name; aov: "name" (null: the picture); denoise: "on".
     """
     make = _ORDERS.get(str(command.get("do")))
@@ -73,11 +74,13 @@ def _select(command: Mapping[str, Any]) -> Order:
     return lambda scene: scene.select(x, y)
 
 
-def _deselect(command: Mapping[str, Any]) -> Order:
-    def deselect(scene: ViewedScene) -> None:
-        scene.selected = None
+def _explain(command: Mapping[str, Any]) -> Order:
+    x, y = _point(command)
+    return lambda scene: scene.explain(x, y)
 
-    return deselect
+
+def _deselect(command: Mapping[str, Any]) -> Order:
+    return lambda scene: scene.deselect()
 
 
 def _frame(command: Mapping[str, Any]) -> Order:
@@ -143,6 +146,7 @@ _ORDERS: dict[str, Callable[[Mapping[str, Any]], Order]] = {
     "fly": _fly,
     "pivot": _pivot,
     "select": _select,
+    "explain": _explain,
     "deselect": _deselect,
     "frame": _frame,
     "reset": _reset,
@@ -153,7 +157,8 @@ _ORDERS: dict[str, Callable[[Mapping[str, Any]], Order]] = {
     "denoise": _denoise,
 }
 # Those after which the picture is the same, and those of them that are carried out while one is rendered.
-STILL, MEANWHILE = frozenset({"pivot", "select", "deselect"}), frozenset({"select", "deselect"})
+MEANWHILE = frozenset({"select", "explain", "deselect"})
+STILL = MEANWHILE | {"pivot"}
 
 
 def _number(command: Mapping[str, Any], name: str) -> float:

@@ -36,7 +36,9 @@ from ..render.progress import picture_so_far
 from ..render.render import picture_of
 from ..report.report import Costs
 from ..settings import RenderSettings
+from . import pixel_explainer
 from .orbit import Orbit, orbit_of
+from .pixel_explainer import Explanation, PixelExplainer
 
 if TYPE_CHECKING:
     from ..core import compiled
@@ -123,6 +125,7 @@ class ViewedScene:
         self.denoises = False
         self.aov: str | None = None  # that is shown; None: the picture
         self.selected: Hit | None = None
+        self.on_explained: Callable[[], None] = lambda: None  # called from another thread once `explanation` is there
         self.preparing_s = 0.0  # seconds that the last picture took before its first sample
         self.cancellation: compiled.Cancellation | None = None
         self.cameras: list[str] = []
@@ -141,6 +144,10 @@ class ViewedScene:
         self._is_abandoned = False
         self._prepared: Prepared | None = None
         self._denoising: tuple[Prepared, Denoising] | None = None
+        self._explainer = PixelExplainer()
+        self._prepared_for: tuple[object, ...] = ()  # what was looked at in the last picture
+        self._explained: tuple[object, ...] = ()  # what was looked at when a pixel was explained
+        self._edited = 0  # how often the stage was composed or edited
 
     @property
     def authored_path(self) -> str:
@@ -160,7 +167,8 @@ class ViewedScene:
     def open(self, variants: tuple[str, ...] | None = None) -> None:
         """Compose the stage, with other variants if given."""
         chosen = self.variants if variants is None else variants
-        self.stop_preparing()
+        self.stop()
+        self._edited += 1
         with self.lock:
             self.read_ns = time.time_ns()
             kept = KeptStage(self.source, replace(self.settings, variants=chosen), lock=self.lock, writes_session=True)
@@ -173,6 +181,7 @@ class ViewedScene:
 
     def note_edits(self) -> None:
         """Look again at what the stage offers, after it has been edited."""
+        self._edited += 1
         if self._kept is not None:
             with self.lock:
                 self._take(self._kept.opened.stage, usd.stage_facts(self._kept.opened.stage))
@@ -188,11 +197,14 @@ class ViewedScene:
 
     def is_edited(self) -> bool:
         """Return whether the stage has been edited since a picture was last prepared."""
-        return self._kept is not None and self._kept.is_edited()
+        kept, front = self._kept, self._front
+        if kept is None:
+            return False
+        return kept.is_edited() or (front is not None and front.steps.edits != kept.edits)  # taken to explain a pixel
 
     def free(self) -> None:
         """Free all that is made of the stage; the stage stays open, and the camera where it is."""
-        self.stop_preparing()
+        self.stop()
         self._drop()
         if self._kept is not None:
             with self.lock:
@@ -204,7 +216,7 @@ class ViewedScene:
 
     def read_anew(self, files: Collection[str]) -> None:
         """Reload the stage after these files (absolute paths) have changed."""
-        self.stop_preparing()
+        self.stop()
         with self.lock:
             usd.reload_layers(self.path, files)
         self.open()
@@ -277,7 +289,52 @@ class ViewedScene:
 
     def select(self, x: float, y: float) -> None:
         """Select what is at a point of the picture; where nothing is, nothing."""
+        self._explainer.drop()
         self.selected = self.pick(x, y)
+
+    def deselect(self) -> None:
+        self._explainer.drop()
+        self.selected = None
+
+    def explain(self, x: float, y: float) -> None:
+        """Select what is at a point of the picture, and explain the pixel there, in another thread (`explanation`).
+
+        A further selection cancels it. Nothing is explained before the first picture of what is looked at now.
+        """
+        self.selected = self.pick(x, y)
+        prepared, kept = self._prepared, self._kept
+        if prepared is None or kept is None or self._prepared_for != self._looked_at:
+            self._explainer.drop()
+            return
+        frame = prepared.frame
+        pixels, (width, height) = frame.pixels, frame.resolution
+        at = (pixels.x + x * pixels.width) / width, (pixels.y + y * pixels.height) / height
+        spp = min(self.settings.most_samples, pixel_explainer.SPP)
+        settings = self._settings_of(Size(1.0, spp), self._place())
+        self._explained = self._looked_at
+        self._explainer.begin(kept, settings, at, lambda: self.on_explained())
+
+    @property
+    def explanation(self) -> Explanation | None:
+        """That of the pixel that was asked for last, if it is the last selection."""
+        return self._explainer.explanation
+
+    @property
+    def is_explanation_outdated(self) -> bool:
+        """Whether the camera, the stage or its light has changed since."""
+        return self._explained != self._looked_at
+
+    def drop_outdated_explanation(self) -> None:
+        """Cancel the explanation of a pixel that is not looked at any more; one that is there stays, without its scene."""
+        explanation = self.explanation
+        if explanation is not None and self.is_explanation_outdated:
+            self._explainer.drop()
+            if explanation.pixel is not None or explanation.problem is not None:
+                self._explainer.explanation = explanation
+
+    @property
+    def _looked_at(self) -> tuple[object, ...]:
+        return *self._view, self.settings, self.variants, self._edited
 
     def frame(self) -> None:
         """Show the whole of what is selected, or of everything."""
@@ -366,6 +423,11 @@ class ViewedScene:
         if self._preparing is not None and self._preparing is not threading.current_thread():
             self._preparing.join()
         self._preparing = None
+
+    def stop(self) -> None:
+        """End all threads, and return when none reads the stage any more."""
+        self._explainer.stop()
+        self.stop_preparing()
 
     def _tell(self, step: str, done: int, of: int) -> None:
         if self._is_abandoned and threading.current_thread() is self._preparing:
@@ -460,6 +522,7 @@ class ViewedScene:
         self.through, self.bounds, self._prepared = prepared.camera, prepared.scene.bounds, prepared
         if moved is None:
             self._authored = prepared.camera
+        self._prepared_for = self._looked_at
         return prepared, diagnostics, costs
 
     def _front_for(self, kept: KeptStage, size: Size, settings: RenderSettings) -> _Front:

@@ -32,6 +32,7 @@ from ..settings.choices import QUICK_LOOK
 from .aov_pictures import SHOWN
 from .commands import MEANWHILE, SETTINGS, STILL, order_of, stops_of, text_of
 from .file_watch import FileWatch
+from .pixel_explainer import as_json as explanation_json
 from .viewed_scene import Size, View, ViewedScene
 
 log = logging.getLogger("primray.live")
@@ -134,6 +135,7 @@ class Viewer:
         self._can = {"denoise": has_denoiser(), "aovs": SHOWN, **_displays()}
         self._cancellation = compiled.Cancellation()
         scene.cancellation, scene.on_progress = self._cancellation, self._tell_progress
+        scene.on_explained = self._explained
         self.shown: Shown | None = None
         self._state: dict[str, Any] = {"phase": "opening", "picture": 0, "doing": None}
 
@@ -149,7 +151,7 @@ class Viewer:
             self._news.notify_all()
         self._watch.close()
         self._thread.join()
-        self._scene.stop_preparing()
+        self._scene.stop()
 
     def tell(self, command: Mapping[str, Any]) -> None:
         """Run a command (`commands.order_of`); raise SettingsError for others.
@@ -240,8 +242,9 @@ class Viewer:
         "doing" is the step that preparing is at: "step", its "number" "of" how many, and how much of it is "done" of "all" (0:
         not known). "picture" is the number of the picture shown (0: none), which has "size", "samples", "relmse", "seconds",
         "step_s" (from the command to the picture) and the "token" of the last command that it shows. "cameras", "camera" (as
-        authored), "moved", "variants", "times", "rate" (time codes a second), "set", "selected", "aov" and "denoise" describe
-        the view, "exposure" and "display" how it is shown, "can" what there is to choose.
+        authored), "moved", "variants", "times", "rate" (time codes a second), "set", "selected", "explained" (None, or what
+        `pixel_explainer.as_json` returns), "aov" and "denoise" describe the view, "exposure" and "display" how it is shown,
+        "can" what there is to choose.
         """
         with self._news:
             return dict(self._state)
@@ -272,6 +275,7 @@ class Viewer:
             change()
             self._problems.pop(of, None)
             self._again = self._again or not is_still
+        self._scene.drop_outdated_explanation()
         return of not in self._problems
 
     @contextmanager
@@ -347,6 +351,12 @@ class Viewer:
             self._interrupted = True
             self._news.notify_all()
 
+    def _explained(self) -> None:
+        """Have the state published; called from the thread that explains pixels."""
+        with self._news:
+            self._questions.append(lambda: None)
+            self._news.notify_all()
+
     def _take_draft(self) -> None:
         pixel_size = self._ladder.pixel_size(self._whole_pixels) if self._whole_pixels else FIRST_DRAFT
         size = Size(pixel_size, DRAFT_SPP, is_draft=True, keeps_surfaces=True)
@@ -414,6 +424,7 @@ class Viewer:
 
     def _publish(self, phase: str | None = None) -> None:
         scene, view, problem = self._scene, self._view, self.problem
+        explanation, is_outdated = scene.explanation, scene.is_explanation_outdated
         now = "failed" if problem is not None and not phase else phase or self._state["phase"]
         found: dict[str, Any] = {
             "phase": now,
@@ -428,6 +439,7 @@ class Viewer:
             "selected": None
             if scene.selected is None
             else {name: getattr(scene.selected, name) for name in ("prim", "instance", "material", "distance")},
+            "explained": None if explanation is None else explanation_json(explanation, is_outdated=is_outdated),
             "aov": scene.aov,
             "denoise": scene.denoises,
             "exposure": self._looks.exposure,

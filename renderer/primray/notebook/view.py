@@ -47,7 +47,8 @@ class View(anywidget.AnyWidget):  # type: ignore[misc]
         view = primray.notebook.View("shot.usda")
         view
 
-    Drag to turn the camera, with Shift to move it; click to name a prim. Fields of RenderSettings may be passed by name;
+    Drag to turn the camera, with Shift to move it; click to name a prim, with Ctrl to
+    explain the pixel. Fields of RenderSettings may be passed by name;
     `view`, `display`, `look` and `exposure` are those of `Image.save`. Edits of `stage` are shown after the cell that makes
     them. Once no cell shows the view, its threads end and what it has made of the stage is freed, until it is shown again.
 

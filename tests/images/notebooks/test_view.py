@@ -128,6 +128,14 @@ def test_a_view_is_turned_named_and_edited(lab: Lab) -> None:
     view.until("root.querySelector('[data-part=prim]').innerText === '/world/box'")
     assert "material /world/red" in view.text("about")
     assert book.ask("print(view.selected['prim'], view.selected['material'])") == "/world/box /world/red"
+
+    # With Ctrl it explains the pixel.
+    view.page.keyboard.down("Control")
+    view.page.mouse.click(*view.point(0.5, 0.5))
+    view.page.keyboard.up("Control")
+    view.until("root.querySelector('[data-part=explained]').dataset.phase === 'explained'")
+    assert "by the prim that sends it here" in view.text("explained")
+    assert "/sky" in view.text("explained")
     count = view.count
     view.root.get_by_role("button", name="Frame selected").click()
     view.until_finished(count)

@@ -243,6 +243,34 @@ def test_a_click_names_what_is_there_and_f_frames_it(look):
     assert page.get_by_role("button", name="Frame all f").is_visible()
 
 
+def test_a_click_with_ctrl_explains_the_pixel(look):
+    """Parts by light, kind, bounce and sender; the next click cancels or removes them, and a new view makes them old."""
+    page, _ = look()
+    until_finished(page)
+    before = number(page)
+    page.mouse.move(*point(page, 0.5, 0.95))
+    page.keyboard.down("Control")
+    page.mouse.click(*point(page, 0.5, 0.95))
+    page.keyboard.up("Control")
+    until(page, "document.querySelector('#explained').dataset.phase === 'explained'")
+    assert number(page) == before  # the picture stays
+    assert "/floor" in page.locator("#selected").inner_text()
+    tables = page.locator("#explained table")
+    captions = ["by light", "by kind of path", "by bounce", "by the prim that sends it here"]
+    assert tables.locator("caption").all_inner_texts() == captions
+    assert tables.nth(0).get_by_role("row").all_inner_texts() == ["100.0 ± 0.0 %\t/sky"] or "/sky" in tables.nth(0).inner_text()
+    assert "/sky" in tables.nth(3).inner_text()
+    assert "±" in tables.nth(3).inner_text()
+    assert "Pixel 96 121" in page.locator("#explained").inner_text()
+    check(page, files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8"), "explained")
+    drag(page, 60, 0)
+    until_finished(page, before)
+    until(page, "document.querySelector('#explained').innerText.includes('the picture has changed since')")
+    select_box(page)
+    until(page, "document.querySelector('#explained').innerText === ''")
+    assert not page.get_by_role("region", name="Explained pixel").is_visible()
+
+
 def test_a_drag_turns_about_what_is_under_the_mouse(look):
     """The corner of the box that the mouse holds stays where it is on the picture."""
     page, _ = look("--camera", "/above")

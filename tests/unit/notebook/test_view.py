@@ -164,6 +164,28 @@ def test_a_click_is_observed(page: Page) -> None:
     until(lambda: page.pictures() > before)
 
 
+def test_a_pixel_is_explained_and_edits_that_were_taken_for_it_are_shown(page: Page) -> None:
+    """The thread that explains pixels may be the first to read the stage after a cell has edited it."""
+    page.say(kind="shown", front="a")
+    red = page.view.wait().pixels
+    page.command(do="explain", x=0.5, y=0.5)
+    state = page.until(lambda state: (state["explained"] or {}).get("phase") == "explained")
+    assert state["selected"]["prim"] == "/s"
+    assert [part["name"] for part in state["explained"]["splits"][0]["parts"]] == ["/d"]
+    UsdGeom.Cube.Get(page.view.stage, "/s").GetDisplayColorAttr().Set([(0.05, 0.05, 0.8)])
+    scene = page.view._scene
+    assert scene is not None
+    assert scene._kept is not None
+    scene._kept.translated(scene.settings)  # as that thread does
+    assert scene.is_edited()
+    module._show_edits()
+    page.until(lambda state: state["explained"] is not None and state["explained"]["outdated"])
+    blue = page.view.wait().pixels
+    assert red[16, 24, 0] > 2 * red[16, 24, 2]
+    assert blue[16, 24, 2] > 2 * blue[16, 24, 0]
+    assert not scene.is_edited()
+
+
 def test_edits_are_shown(page: Page) -> None:
     page.say(kind="shown", front="a")
     red = page.view.wait().pixels

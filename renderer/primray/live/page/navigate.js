@@ -1,5 +1,5 @@
 // The mouse and keys that move the camera: drags are sent as fractions of the picture's height. A drag turns about what is under
-// the mouse where it begins; a click names it.
+// the mouse where it begins; a click names it, with Ctrl or Cmd it explains the pixel.
 
 const KEY_STEP = 0.05;
 const WHEEL_STEP = 0.0015; // for a pixel of a wheel
@@ -40,7 +40,8 @@ function watchMouse(root, pointOf, send, move) {
     else move(drag.kind, { across, down });
   });
   root.addEventListener("pointerup", (event) => {
-    if (drag && !drag.moved && event.button === 0) send(drag.at ? { do: "select", ...drag.at } : { do: "deselect" });
+    const kind = event.ctrlKey || event.metaKey ? "explain" : "select";
+    if (drag && !drag.moved && event.button === 0) send(drag.at ? { do: kind, ...drag.at } : { do: "deselect" });
     drag = null;
   });
   root.addEventListener("pointercancel", () => (drag = null));

@@ -1,6 +1,7 @@
 // A view under a notebook's cell: it draws pictures that the kernel sends, and sends it what the mouse and keys do. A picture that
 // has been drawn is acknowledged; the kernel sends the next one after that.
 
+import { explanation } from "../../live/page/explained.js";
 import { errorWords, phaseWords, selectedWords, shareOf, sizeWords, stepWords } from "../../live/page/figures.js";
 import { navigate, pointIn, watchKeys } from "../../live/page/navigate.js";
 import { sender } from "../../live/page/sender.js";
@@ -9,7 +10,7 @@ const BUSY_AFTER_MS = 3000;
 const LABEL =
   "The picture. Arrow keys turn it, with Shift they move it; + and - bring it nearer and farther; W, A, S, D, Q and E fly, F frames, R resets.";
 const HINT =
-  "Drag to turn, with Shift to move, with Alt to look around, with the right button to come nearer. Click to name what is there; the wheel works after that.";
+  "Drag to turn, with Shift to move, with Alt to look around, with the right button to come nearer. Click to name what is there, with Ctrl to see what the pixel's light is made of; the wheel works after that.";
 // Nothing in this text comes from a scene: what does is set as text.
 const PARTS = `
   <div class="problem" data-part="problem" role="alert" hidden><strong data-part="title"></strong><p data-part="detail"></p><code data-part="where"></code></div>
@@ -18,6 +19,7 @@ const PARTS = `
     <progress data-part="share" max="1" aria-label="Share of the preparation that is done" hidden></progress>
     <span data-part="numbers"></span><span data-part="error"></span><span data-part="speed"></span></p>
   <p data-part="selected" aria-live="polite"><code data-part="prim"></code> <span class="note" data-part="about"></span></p>
+  <div class="explained" data-part="explained" aria-live="polite" hidden></div>
   <div class="bar"><button type="button" data-part="frame">Frame all</button><button type="button" data-part="reset">Reset</button>
     <label data-part="cameras">Camera <select data-part="camera"></select></label>
     <label data-part="times" hidden>Frame <input type="range" step="1" data-part="time"><output data-part="now"></output></label></div>
@@ -36,6 +38,7 @@ function render({ model, el }) {
   const answers = new Map(); // who waits for the answer to each command, by its number
   let last = 0;
   const commands = sender(post, (problem) => showProblem(problem));
+  const pixel = explanation(part.explained);
   const drawn = drawing(part, (token) => {
     const step = commands.seen(token);
     if (step !== null) write(part.speed, stepWords(step));
@@ -83,6 +86,7 @@ function render({ model, el }) {
     write(part.prim, state.selected?.prim ?? "");
     write(part.about, state.selected ? selectedWords(state.selected) : HINT);
     write(part.frame, state.selected ? "Frame selected" : "Frame all");
+    pixel.show(state.explained);
     showCameras(state);
     showTimes(state);
     showDiagnostics(state);

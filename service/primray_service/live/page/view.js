@@ -4,6 +4,7 @@
 import { diagnostics } from "../page/base/diagnostics.js";
 import { element, fill, write } from "../page/base/dom.js";
 import { cameraPanel } from "./camera_panel.js";
+import { explainedPanel } from "./explained_panel.js";
 import { lightPanel } from "./light_panel.js";
 import { lookPanel } from "./look_panel.js";
 import { navigate, watchKeys } from "./navigate.js";
@@ -15,7 +16,7 @@ import { takeAway } from "./take_away.js";
 const line = status();
 const looked = picture(line.step);
 const camera = cameraPanel();
-const panels = [camera, lookPanel(), lightPanel()];
+const panels = [camera, explainedPanel(), lookPanel(), lightPanel()];
 const found = diagnostics();
 const problem = element("div", { id: "problem" });
 const refused = element("div", { id: "refused" });
@@ -23,7 +24,7 @@ const hint = element(
   "p",
   { class: "note" },
   "Drag to turn about what is under the mouse, with Shift or the middle button to move, with Alt to look around, with the right " +
-    "button or the wheel to come nearer. W, A, S, D, Q and E fly. Click to name what is there. Files are watched.",
+    "button or the wheel to come nearer. W, A, S, D, Q and E fly. Click to name what is there, with Ctrl to see what the pixel's light is made of. Files are watched.",
 );
 
 fill(
