@@ -26,7 +26,7 @@ def order_of(command: Mapping[str, Any]) -> Order:
     "ahead", "across", "up" as parts of the distance to what the camera goes around; pivot, select: "x", "y", a point of the
     picture from its upper left corner, in 0 to 1; explain: likewise, a pixel of which `explanation` then says what its light is
     made of; deselect, frame, reset; camera: "path" (null: as the settings say); variant:
-    "prim", "set", "name" ("": none); set: values of SETTINGS by name; aov: "name" (null: the picture); denoise: "on".
+    "prim", "set", "name" ("": none); set: values of SETTINGS by name; aov: "name" (null: the picture); denoise, lights: "on".
     """
     make = _ORDERS.get(str(command.get("do")))
     if make is None:
@@ -138,6 +138,17 @@ def _denoise(command: Mapping[str, Any]) -> Order:
     return denoise
 
 
+def _lights(command: Mapping[str, Any]) -> Order:
+    is_on = command.get("on")
+    if not isinstance(is_on, bool):
+        raise _refused(f"on must be true or false, not {is_on!r}")
+
+    def show(scene: ViewedScene) -> None:
+        scene.has_lights = is_on
+
+    return show
+
+
 _ORDERS: dict[str, Callable[[Mapping[str, Any]], Order]] = {
     "tumble": _tumble,
     "look": _look,
@@ -155,6 +166,7 @@ _ORDERS: dict[str, Callable[[Mapping[str, Any]], Order]] = {
     "set": _set,
     "aov": _aov,
     "denoise": _denoise,
+    "lights": _lights,
 }
 # Those after which the picture is the same, and those of them that are carried out while one is rendered.
 MEANWHILE = frozenset({"select", "explain", "deselect"})

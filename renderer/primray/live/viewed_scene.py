@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import usd
+from ..aovs import LIGHTS
 from ..arrays import Doubles
 from ..camera import Camera
 from ..core.single_precision import rebasing_origin
@@ -37,6 +38,7 @@ from ..render.render import picture_of
 from ..report.report import Costs
 from ..settings import RenderSettings
 from . import pixel_explainer
+from .lights import lights_so_far
 from .orbit import Orbit, orbit_of
 from .pixel_explainer import Explanation, PixelExplainer
 
@@ -123,6 +125,7 @@ class ViewedScene:
         self.bounds: Box | None = None  # (3,) low and high corner of the scene
         self.through: Camera | None = None  # camera of the last picture
         self.denoises = False
+        self.has_lights = False  # whether pictures have the light of each light apart
         self.aov: str | None = None  # that is shown; None: the picture
         self.selected: Hit | None = None
         self.on_explained: Callable[[], None] = lambda: None  # called from another thread once `explanation` is there
@@ -464,7 +467,7 @@ class ViewedScene:
         return True
 
     def _so_far(self, prepared: Prepared, sampling: Sampling) -> Image:
-        image = picture_so_far(prepared, sampling)
+        image = replace(picture_so_far(prepared, sampling), aovs=lights_so_far(prepared, sampling))
         if not self.denoises or sampling.film.samples_per_pixel[0] == 0:
             return image
         from ..denoising.denoised import Denoising, guides_of, with_denoised
@@ -501,6 +504,7 @@ class ViewedScene:
             variants=self.variants,
             pixel_size=size.pixel_size,
             spp=size.spp,
+            aovs=(LIGHTS,) if self.has_lights and self.aov is None else (),
         )
 
     def _prepare(self, size: Size) -> tuple[Prepared, Diagnostics, Costs]:

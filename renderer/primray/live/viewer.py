@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -32,6 +32,7 @@ from ..settings.choices import QUICK_LOOK
 from .aov_pictures import SHOWN
 from .commands import MEANWHILE, SETTINGS, STILL, order_of, stops_of, text_of
 from .file_watch import FileWatch
+from .lights import ShownLights, Weights, weights_of
 from .pixel_explainer import as_json as explanation_json
 from .viewed_scene import Size, View, ViewedScene
 
@@ -64,6 +65,7 @@ class Looks:
     display: str | None = None
     look: str | None = None
     exposure: float | Literal["auto"] = 0.0  # stops
+    weights: Weights = field(default_factory=dict)  # of lights, where pictures have them apart
 
 
 class Ladder:
@@ -124,6 +126,7 @@ class Viewer:
         self._watch = FileWatch(self._files_changed)
         self._watch.watch([os.path.abspath(scene.path)] if isinstance(scene.source, str) else [], time.time_ns())
         self._looks = looks
+        self._lights = ShownLights()
         self._looks_new = False
         self._view: View | None = None
         self._ladder = Ladder()
@@ -156,9 +159,9 @@ class Viewer:
     def tell(self, command: Mapping[str, Any]) -> None:
         """Run a command (`commands.order_of`); raise SettingsError for others.
 
-        Two kinds change how pictures are shown and interrupt no render: {"do": "exposure", "stops": N or "auto"} and
-        {"do": "display", "view", "display", "look"}, names or null. The "token" of a command is that of the first picture that
-        shows what it did.
+        Three kinds change how pictures are shown and interrupt no render: {"do": "exposure", "stops": N or "auto"};
+        {"do": "display", "view", "display", "look"}, names or null; and {"do": "mix", "weights"}, [R, G, B] by the names of
+        lights. The "token" of a command is that of the first picture that shows what it did.
         """
         if command.get("do") == "exposure":
             self._show_with(replace(self._looks, exposure=stops_of(command)))
@@ -167,6 +170,8 @@ class Viewer:
             ocio.check_view(view, display)
             ocio.check_look(look)
             self._show_with(replace(self._looks, view=view, display=display, look=look))
+        elif command.get("do") == "mix":
+            self._show_with(replace(self._looks, weights=weights_of(command.get("weights"))))
         else:
             order, token = order_of(command), text_of(command, "token")
             is_still = command.get("do") in STILL
@@ -188,7 +193,8 @@ class Viewer:
             if extension == ".png" and view.drawn is not None:
                 write_view(view.drawn, str(path))
             elif extension == ".png":
-                view.image.save(path, view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
+                mixed = ShownLights().mixed(view.image, looks.weights)
+                mixed.save(path, view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
             else:
                 view.image.save(path)
             return path.read_bytes()
@@ -243,7 +249,8 @@ class Viewer:
         not known). "picture" is the number of the picture shown (0: none), which has "size", "samples", "relmse", "seconds",
         "step_s" (from the command to the picture) and the "token" of the last command that it shows. "cameras", "camera" (as
         authored), "moved", "variants", "times", "rate" (time codes a second), "set", "selected", "explained" (None, or what
-        `pixel_explainer.as_json` returns), "aov" and "denoise" describe the view, "exposure" and "display" how it is shown,
+        `pixel_explainer.as_json` returns), "aov", "denoise" and "lights" (None, or their "names", "weights"
+        and the "relmse" of their mix) describe the view, "exposure" and "display" how it is shown,
         "can" what there is to choose.
         """
         with self._news:
@@ -407,7 +414,8 @@ class Viewer:
         looks, number = self._looks, 1 if self.shown is None else self.shown.number + 1
         rgba = view.drawn
         if rgba is None:
-            rgba = view.image.to_uint8(view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
+            image = self._lights.mixed(view.image, looks.weights)
+            rgba = image.to_uint8(view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
         self._view, self.shown = view, Shown(number, rgba, None if self._asked is None else self._asked[0])
 
     def _tell_progress(self, step: str, done: int, of: int) -> None:
@@ -442,6 +450,7 @@ class Viewer:
             "explained": None if explanation is None else explanation_json(explanation, is_outdated=is_outdated),
             "aov": scene.aov,
             "denoise": scene.denoises,
+            "lights": self._lights.as_json(self._looks.weights) if scene.has_lights else None,
             "exposure": self._looks.exposure,
             "display": {"view": self._looks.view, "display": self._looks.display, "look": self._looks.look},
             "can": self._can,

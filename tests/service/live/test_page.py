@@ -15,6 +15,7 @@ from tests.service.live.conftest import FLOOR, GREEN, STAGE, mean_color, number,
 from tests.service.page.conftest import until
 from tests.service.page.test_axe import check
 
+import primray
 from primray.images.reading import read_image
 
 
@@ -269,6 +270,29 @@ def test_a_click_with_ctrl_explains_the_pixel(look):
     select_box(page)
     until(page, "document.querySelector('#explained').innerText === ''")
     assert not page.get_by_role("region", name="Explained pixel").is_visible()
+
+
+def test_lights_are_mixed_after_the_render(look, tmp_path):
+    """A light goes off by its slider, with the error of that and the command which does the same to the saved picture."""
+    page, _ = look()
+    until_finished(page)
+    before, shown = number(page), pixels(page)
+    page.get_by_label("Mix of lights", exact=True).check()
+    until_finished(page, before)
+    assert difference(shown, pixels(page)) == 0
+    before = number(page)
+    page.get_by_label("Intensity of sky, stops").fill("-1")
+    until(page, f"Number(document.querySelector('.stage').dataset.pictures) > {before}")
+    until(page, "document.querySelector('.mix').innerText.includes('of the mix')")
+    assert pixels(page).mean() < 0.95 * shown.mean()
+    assert page.locator(".mix-command").inner_text() == 'primray relight PICTURE.exr --mix "sky=0.5,0.5,0.5"'
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save EXR").click()
+    download.value.save_as(tmp_path / "saved.exr")
+    again = primray.relight(tmp_path / "saved.exr", {"sky": 0.5}).to_uint8()
+    assert np.abs(pixels(page).reshape(again.shape) - again).max() <= 1
+    page.get_by_role("button", name="Reset lights").click()
+    until(page, "!document.querySelector('.mix').innerText.includes('of the mix')")
 
 
 def test_a_drag_turns_about_what_is_under_the_mouse(look):

@@ -1,7 +1,7 @@
 // Sends commands in order, one after the other; moves that wait are added up meanwhile. Each command has a token, which comes
 // back with the first picture that shows it: the time from the hand to the eye is measured by that.
 
-const PICTURELESS = ["pivot", "select", "explain", "deselect", "exposure", "display"]; // no new picture is rendered for these
+const PICTURELESS = ["pivot", "select", "explain", "deselect", "exposure", "display", "mix"]; // no new picture is rendered for these
 
 // `post(command)` carries a command out; its promise is kept with the problem if it was refused, else with null. `refused` is
 // called with the problem of a command that was not carried out, and where `post` fails.
