@@ -25,8 +25,8 @@ WINDOW_S, MOST_BYTES = 3.0, 1_500_000
 LARGEST_PNG = 1_000_000  # bytes of a finished picture that is sent without loss
 QUALITY = 90  # of JPEGs
 ROWS = 50  # of diagnostics, and of cameras
-TOLD = ("phase", "doing", "problem", "size", "samples", "relmse", "seconds", "picture")
-TOLD += ("camera", "moved", "times", "selected", "explained")
+PICTURE = ("phase", "doing", "problem", "size", "samples", "relmse", "seconds", "picture")
+TOLD = (*PICTURE, "camera", "moved", "times", "selected", "explained", "lights")
 
 Send = Callable[[dict[str, Any], list[bytes]], None]
 

@@ -140,6 +140,22 @@ def test_a_view_is_turned_named_and_edited(lab: Lab) -> None:
     view.root.get_by_role("button", name="Frame selected").click()
     view.until_finished(count)
 
+    # Lights are mixed after the render, as the call below the sliders does it.
+    count = view.count
+    view.root.get_by_role("button", name="Lights").click()
+    view.until_finished(count)
+    view.until("!root.querySelector('[data-part=mix]').hidden")
+    count = view.count
+    view.root.get_by_label("Intensity of sky, stops").fill("-1")
+    view.until_finished(count)
+    view.until("root.querySelector('[data-part=mixed]').innerText.includes('of the mix')")
+    assert view.text("call") == 'primray.relight(view.image, {"sky": (0.5, 0.5, 0.5)})'
+    book.ask(f"numpy.save('mixed.npy', {view.text('call')}.to_uint8())")
+    assert np.array_equal(view.pixels(), np.load(lab.folder / "mixed.npy"))
+    count = view.count
+    view.root.get_by_role("button", name="Lights").click()
+    view.until_finished(count)
+
     # Edits are shown after the cell that makes them, and after a callback.
     count = view.count
     book.ask(f"stage = view.stage\n{COLOR}.Set((0.05, 0.05, 0.8))")

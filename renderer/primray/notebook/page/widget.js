@@ -5,6 +5,7 @@ import { explanation } from "../../live/page/explained.js";
 import { errorWords, phaseWords, selectedWords, shareOf, sizeWords, stepWords } from "../../live/page/figures.js";
 import { navigate, pointIn, watchKeys } from "../../live/page/navigate.js";
 import { sender } from "../../live/page/sender.js";
+import { lightMix } from "./lights.js";
 
 const BUSY_AFTER_MS = 3000;
 const LABEL =
@@ -21,8 +22,10 @@ const PARTS = `
   <p data-part="selected" aria-live="polite"><code data-part="prim"></code> <span class="note" data-part="about"></span></p>
   <div class="explained" data-part="explained" aria-live="polite" hidden></div>
   <div class="bar"><button type="button" data-part="frame">Frame all</button><button type="button" data-part="reset">Reset</button>
+    <button type="button" data-part="asked" aria-pressed="false" title="Renders again, with the light of each light apart">Lights</button>
     <label data-part="cameras">Camera <select data-part="camera"></select></label>
     <label data-part="times" hidden>Frame <input type="range" step="1" data-part="time"><output data-part="now"></output></label></div>
+  <div class="mix" data-part="mix" hidden><div data-part="lights"></div><p data-part="mixed" role="status"></p><code data-part="call"></code></div>
   <details class="diagnostics" data-part="diagnostics" hidden><summary data-part="count"></summary><ul data-part="rows"></ul></details>`;
 
 function render({ model, el }) {
@@ -38,6 +41,7 @@ function render({ model, el }) {
   const answers = new Map(); // who waits for the answer to each command, by its number
   let last = 0;
   const commands = sender(post, (problem) => showProblem(problem));
+  const mix = lightMix(part, commands.send);
   const pixel = explanation(part.explained);
   const drawn = drawing(part, (token) => {
     const step = commands.seen(token);
@@ -87,6 +91,7 @@ function render({ model, el }) {
     write(part.about, state.selected ? selectedWords(state.selected) : HINT);
     write(part.frame, state.selected ? "Frame selected" : "Frame all");
     pixel.show(state.explained);
+    mix.show(state.lights);
     showCameras(state);
     showTimes(state);
     showDiagnostics(state);
