@@ -19,6 +19,7 @@
     worker/             the program that runs one chunk
     sandbox/            isolation of that program
     pictures/           previews, tone-mapped and encoded
+    explanations.py     pixels of a job's picture, whose light is told apart on request
     webhooks/           calls of clients' addresses
     monitoring.py       logs, metrics, traces
     page/               the web page; main.js describes its folders
@@ -30,7 +31,7 @@ Five words for the work of a job:
 
     frame    one picture of a job, at one time code; a job has one or many
     part     a range of a frame's samples, rendered at the same time as its other parts
-    chunk    one command to one worker process: render a frame or a part up to its end, merge parts, or check a scene
+    chunk    one command to one worker process: render a frame or a part up to its end, merge parts, check a scene, ...
     slot     room for one running chunk, on this machine or on a node of a cluster
     claim    the dispatcher's assignment of a queued frame or part to a chunk, under the fence of its lease
 

@@ -26,7 +26,7 @@ from .objects import ObjectStoreFailed
 from .problems import Problem
 from .quotas import RequestRates, exceeded
 from .routes import account, admin_jobs, admin_tenants, documents, health, keys, packages, page, scenes
-from .routes.jobs import events, frames, jobs, outputs, previews, submissions
+from .routes.jobs import events, explanations, frames, jobs, outputs, previews, submissions
 from .service import Service
 from .store.base import QuotaExceeded, Unavailable
 
@@ -40,6 +40,7 @@ ROUTERS: tuple[Router, ...] = (
     events.router,
     frames.router,
     frames.convergence_router,
+    explanations.router,
     previews.router,
     outputs.router,
     frames.log_router,

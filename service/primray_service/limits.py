@@ -46,6 +46,7 @@ class Limits:
     instances: int = 50_000_000  # after expansion of instancing
     check_cpu_s: float = 60.0
     load_cpu_s: float = 60.0  # until a render's first sample
+    explain_cpu_s: float = 120.0  # of an explained pixel, with what reading its scene takes
     # Worker
     memory_bytes: int = min(int(0.6 * _memory_bytes()), 64 * GiB)
     output_bytes: int = 8 * GiB

@@ -29,6 +29,7 @@ from .dispatcher import Dispatcher
 from .executor.base import executor_maker
 from .executor.local import LocalExecutor
 from .executor.spot_checks import CheckedExecutor
+from .explanations import Explanations
 from .files import DataDirectory
 from .http.answers import json_bytes
 from .limits import Limits
@@ -140,6 +141,7 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
         if config.dispatch:
             service.self_test = await asyncio.to_thread(check_sandbox, config, data)
             await executor.start()
+            service.explanations = Explanations(config, data, store)
             dispatching = asyncio.create_task(service.dispatcher.run())
             sending = asyncio.create_task(sender.run(lambda: service.dispatcher.fence))
         if config.warm:
@@ -157,6 +159,8 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
             with contextlib.suppress(asyncio.CancelledError):
                 await dispatching
         await executor.close()
+        if service.explanations is not None:
+            await service.explanations.close()
         await service.pictures.close()
         for end in unsubscribe:
             end()

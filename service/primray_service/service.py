@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .changes import Changes, SharedReads
     from .dispatcher import Dispatcher
     from .executor.base import Executor
+    from .explanations import Explanations
     from .sandbox import SelfTest
     from .store.base import Store
 
@@ -91,6 +92,7 @@ class Service:
     reads: SharedReads  # shared by concurrent readers of a job
     self_test: SelfTest | None = None  # result for the sandbox, at the start; None: this server runs no workers
     pictures: PictureEncoder = field(default_factory=PictureEncoder)
+    explanations: Explanations | None = None  # None: this server runs no workers
 
     @cached_property
     def who_leads(self) -> WhoLeads:

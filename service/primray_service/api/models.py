@@ -226,5 +226,12 @@ class ContinueRequest(Sent):
     stop: ContinuedRules = ContinuedRules()
 
 
+class PixelRequest(Sent):
+    """A pixel of the picture (of a region: from the region's corner), from 0, from the top left."""
+
+    x: int = Field(ge=0, lt=2**31, description="Column.")
+    y: int = Field(ge=0, lt=2**31, description="Row.")
+
+
 class SessionRequest(Sent):
     key: str = Field(max_length=256, description="An API key.")

@@ -197,6 +197,75 @@ class ConvergenceRow(View):
     ci95: tuple[float, float] | None = Field(None, description="95 % confidence interval of relmse.")
 
 
+Color = tuple[float, float, float]
+
+
+class PixelPart(View):
+    """A part of a pixel's light. The parts of a split add up to the pixel."""
+
+    name: str
+    value: Color = Field(description="R, G and B.")
+    error: Color | None = Field(description="Standard errors.")
+    ci95: tuple[Color, Color] | None = Field(description="95 % confidence interval; null: too few of its paths were found.")
+    share: float = Field(description="Share of the pixel's luminance.")
+    share_error: float | None
+    rare: bool = Field(description="Whether its paths are so rare that its error is hardly known.")
+    expression: str | None = Field(None, description="Light path expression of this light.")
+
+
+class PixelSplits(View):
+    light: list[PixelPart]
+    kind: list[PixelPart]
+    bounce: list[PixelPart]
+    prim: list[PixelPart] = Field(description="By the prim that sends the light to what the pixel shows.")
+
+
+class LeftOut(View):
+    """Parts of each split that are left out, the smallest."""
+
+    light: int
+    kind: int
+    bounce: int
+    prim: int
+
+
+class NoisePath(View):
+    """A path from the camera to a light that makes some of a pixel's noise."""
+
+    light: str
+    prims: list[str]
+    share: float = Field(description="Share of the pixel's noise.")
+    random: bool = Field(description="Whether it was drawn at random, not for its share.")
+    words: str
+    adds: Color
+    points: list[Color] = Field(description="In the world, from the camera on.")
+
+
+class ShownByPixel(View):
+    prim: str
+    instance: str
+    material: str
+    distance: float
+    position: Color
+
+
+class ExplainedPixel(View):
+    """What a pixel's light is made of, as `primray explain --json` prints it."""
+
+    type: Literal["explained-pixel"]
+    pixel: tuple[int, int] = Field(description="Column and row in the whole frame.")
+    camera: str
+    value: Color = Field(description="R, G and B, before a background or a denoiser.")
+    error: Color | None
+    alpha: float
+    samples: int
+    renders: int = Field(description="Renders with other seeds, from which the errors come.")
+    shown: ShownByPixel | None = Field(description="What the middle of the pixel shows; null: no surface.")
+    splits: PixelSplits
+    more: LeftOut
+    noise: list[NoisePath] = Field(description="The paths that make the noise, the largest share first.")
+
+
 class Session(View):
     tenant: str
     scopes: list[Literal["submit", "read", "admin"]]

@@ -304,6 +304,13 @@ class Client:
     def frame(self, job_id: str, number: int) -> Frame:
         return read(Frame, self._get(f"{job_path(job_id)}/frames/{number}"))
 
+    def explain(self, job_id: str, x: int, y: int, *, frame: int = 0, timeout_s: float = 600.0) -> Json:
+        """Return whose light a pixel of an ended frame is made of, as `primray explain --json` prints it; `x` and `y` from the
+        picture's upper left corner. The service renders the pixel again, which takes it a moment."""
+        path = f"{job_path(job_id)}/frames/{frame}/explain"
+        body = {"x": x, "y": y}
+        return object_of(json_of(self._transport.request("POST", path, body=body, repeatable=True, timeout_s=timeout_s)))
+
     def convergence(self, job_id: str, frame: int = 0) -> list[Convergence]:
         rows = self._get(f"{job_path(job_id)}/convergence", {"frame": frame})
         return [read(Convergence, row) for row in items_of(rows)]

@@ -46,7 +46,7 @@ class Chunk:
     to one tenant."""
 
     id: str
-    kind: str  # "render", which includes parts and their merges; "check"
+    kind: str  # "render", which includes parts, their merges and explained pixels; "check"
     command: Json  # the worker's first line: worker/protocol.py
     inputs: Mapping[str, Path] = field(default_factory=dict)
     # folders whose files are all inputs, by their path in the job folder

@@ -369,6 +369,9 @@ class Store(Protocol):
 
     def usage(self, tenant: str, now: float) -> Usage: ...
 
+    def spend_cpu(self, tenant: str, now: float, cpu_s: float) -> None:
+        """Count CPU seconds that a tenant has used outside of frames: an explained pixel's."""
+
     def usage_of_all(self, now: float, limit: int, after: str = "") -> Sequence[tuple[str, Usage]]:
         """Return the usage of each tenant that has a key, set quotas, or has used anything, by name."""
 

@@ -25,6 +25,8 @@ Commands
     {"do": "spot-check", "file", "settings", "part": "part.prc", "number": 0, "tiles": 32, "seed": "2a..", "limits": {..}}
         renders random tiles of another machine's part again (then: if they have the same bits, checkpoint with what is known of
         the scene here; done with no outputs and a report {"parts": {"fault": null | "pixels .."}})
+    {"do": "explain", "file", "settings", "pixel": [x, y], "stay": true, "limits": {..}}
+        explains a pixel of the picture (then: done with no outputs; its report is the JSON of `primray explain`, with `more`)
     {"do": "stop"}     end soon with a checkpoint and the picture so far           (then: checkpoint, done; done with no outputs
                        and a report {"interrupted": true, "samples": 0} if there is no picture yet)
     {"do": "yield"}    end soon with a checkpoint                                  (then: checkpoint, yielded)
@@ -61,7 +63,7 @@ from typing import Any
 MAX_LINE_BYTES = 4 * 2**20
 
 PHASES = ("opening", "translating", "building", "sampling", "writing")
-WORK = ("check", "render", "merge", "spot-check")
+WORK = ("check", "render", "merge", "spot-check", "explain")
 LAST = ("facts", "done", "yielded", "failed")
 
 Check = Callable[[Any], bool]

@@ -12,10 +12,13 @@ import time
 import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..sandbox import Entered, limit_cpu_of_phase
 from .channel import Channel, ClientText
+
+if TYPE_CHECKING:
+    from .explain_task import ExplainedStage
 
 Do = Callable[[Mapping[str, Any], Path, Path, Channel], None]
 
@@ -112,16 +115,20 @@ def check(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) ->
 
 def renders() -> Do:
     """Return the function that renders frames of one job, keeping the stage open in between; also their parts, spot checks of
-    these, and merges."""
+    these, merges, and explanations of pixels."""
     from .merge_task import merge_parts
     from .product_task import render_products
     from .render_task import StageOfFrames, render_frame
     from .spot_check_task import PartChecks
 
     stages, checks = StageOfFrames(), PartChecks()
+    explained: list[ExplainedStage] = []  # at most one
 
     def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
-        if command["do"] == "merge":
+        if command["do"] == "explain":
+            explained[:] = explained or [_explained_stage()]
+            explained[0].explain(command, job, channel)
+        elif command["do"] == "merge":
             merge_parts(command, job, out, channel)
         elif command["do"] == "spot-check":
             checks.check(command, job, out, channel)
@@ -131,3 +138,10 @@ def renders() -> Do:
             render_frame(stages, command, job, out, channel)
 
     return do
+
+
+def _explained_stage() -> ExplainedStage:
+    """Return a stage for explanations; renders do not import them."""
+    from .explain_task import ExplainedStage
+
+    return ExplainedStage()

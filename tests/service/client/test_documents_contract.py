@@ -202,6 +202,7 @@ def ask_for_everything(server: Scripted, folder: Path) -> set[str]:
             "delete": lambda: client.delete("job_1"),
             "frames": lambda: list(client.frames("job_1")),
             "frame": lambda: client.frame("job_1", 0),
+            "explain": lambda: client.explain("job_1", 3, 4, frame=1),
             "convergence": lambda: client.convergence("job_1", 0),
             "preview": lambda: client.preview("job_1", frame=0, exposure=1.0, view="beauty"),
             "log": lambda: client.log("job_1"),

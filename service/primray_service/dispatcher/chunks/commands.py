@@ -1,4 +1,5 @@
-"""Chunks for the executor: the command that renders a frame or checks a scene, and the files that its worker may see."""
+"""Chunks for the executor: the command that renders a frame, explains a pixel or checks a scene, and the files that its worker
+may see."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from primray.settings import RenderSettings, StopAt, settings_as_json
+from primray.settings import DEFAULT_SPP, RenderSettings, StopAt, settings_as_json
 
 from ...admission import ALL, products_by_name, render_settings
 from ...api.models import FileSettings, Settings
@@ -176,6 +177,50 @@ def spent_s(frame: Frame) -> float:
     return float(frame.progress.get("spent_s", 0.0))
 
 
+MOST_EXPLAINED = 1024  # samples of an explained pixel, which is rendered once more for each of 15 other seeds
+
+
+def explain_chunk(
+    chunk_id: str,
+    job: Job,
+    frame: Frame,
+    scene: Scene,
+    pixel: tuple[int, int],
+    data: DataDirectory,
+    capacity: Capacity,
+    limits: Limits,
+) -> Chunk:
+    """Return the chunk that explains a pixel of a frame's picture; raises Problem if inputs are missing.
+
+    The samples are those that the picture has taken of a pixel on average, from its first one.
+    """
+    root, inputs, folders = _files(scene, data)
+    roots = _roots(scene, data)
+    settings = frame_settings(job.settings, frame, capacity)
+    taken = round(float(frame.progress.get("samples_done") or 0)) or settings.spp or DEFAULT_SPP
+    plain = replace(
+        settings, spp=min(taken, MOST_EXPLAINED), target_error=None, time_limit_s=None, stop_at=StopAt.PICTURE, mixes=()
+    )
+    command: Json = {
+        "do": "explain",
+        "file": f"package/{_entry(job, scene)}" if scene.kind == "zip" else root,
+        "settings": settings_as_json(plain),
+        "pixel": list(pixel),
+        "limits": asdict(limits),
+    } | _root_of(roots)
+    return Chunk(
+        chunk_id,
+        "render",
+        command,
+        inputs,
+        folders,
+        load_cpu_s=limits.explain_cpu_s,
+        scene=_open_scene(job, scene),
+        keep_s=limits.scene_kept_s if not roots else 0.0,
+        roots=roots,
+    )
+
+
 def check_chunk(chunk_id: str, scene: Scene, data: DataDirectory, limits: Limits) -> Chunk:
     root, inputs, folders = _files(scene, data)
     roots = _roots(scene, data)
@@ -258,10 +303,11 @@ async def stage_inputs(context: Context, scene: Scene | None, job_id: str = "", 
     """Stage the scene, and files of the job by their names in its folder ("" for none); files that exist nowhere are skipped.
     Raises Problem or OSError."""
     if context.data.objects is not None:
-        await context.calls.disk(_bring, context.data, context.limits, scene, job_id, list(files))
+        await context.calls.disk(bring_inputs, context.data, context.limits, scene, job_id, list(files))
 
 
-def _bring(data: DataDirectory, limits: Limits, scene: Scene | None, job_id: str, files: Iterable[str]) -> None:
+def bring_inputs(data: DataDirectory, limits: Limits, scene: Scene | None, job_id: str = "", files: Iterable[str] = ()) -> None:
+    """Bring the inputs from the object store, as `stage_inputs` does; blocks."""
     if scene is not None:
         shared.bring(scene, data, limits)
     for name in files:

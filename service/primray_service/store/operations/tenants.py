@@ -105,6 +105,9 @@ def check_room_for_job(transaction: Transaction[Any], tenant: str, quotas: Quota
 
 
 class Sums(Operations):
+    def spend_cpu(self, tenant: str, now: float, cpu_s: float) -> None:
+        self._db.write(lambda transaction: count_cpu(transaction, tenant, now, cpu_s))
+
     def usage(self, tenant: str, now: float) -> Usage:
         def work(db: Connection) -> Usage:
             by_state = select(job_counts.c.state, job_counts.c.jobs).where(job_counts.c.tenant == tenant)
