@@ -46,6 +46,11 @@ def test_axe_finds_nothing(open_page, site, axe, scheme, width):
         page.get_by_text(words, exact=True).click()
     until(page, "document.querySelector('.histogram .note').textContent !== ''")
     check(page, axe, "job")
+    page.locator(".stage").focus()
+    for key in ("Shift+ArrowDown", "Enter"):
+        page.locator(".stage").press(key)
+    page.locator(".explained table").first.wait_for()
+    check(page, axe, "pixel")
     page.goto(f"{site.url}/#/jobs")
     page.locator(".jobs li[data-state]").first.wait_for()
     check(page, axe, "jobs")

@@ -8,8 +8,9 @@ const STEP = 1.25;
 const SCROLLING_MS = 400; // a page that is being scrolled by the wheel keeps scrolling when the picture comes under the pointer
 const KEYS = "plus and minus zoom, 0 fits, 1 shows pixel for pixel, arrows move, Shift with arrows picks a pixel";
 
-// `keys` is {words, press}: a description of other keys, and `press(key)`, which returns whether it handled the key.
-export function stage(label, { onPixel = () => {}, keys = { words: "", press: () => false } } = {}) {
+// `keys` is {words, press}: a description of other keys, and `press(key)`, which returns whether it handled the key. `onAsk` is
+// called with a pixel that is clicked with Ctrl, or picked by keys and entered.
+export function stage(label, { onPixel = () => {}, onAsk = null, keys = { words: "", press: () => false } } = {}) {
   const mark = element("div", { class: "mark", hidden: true });
   const sheet = element("div", { class: "sheet" }, mark);
   const root = element("div", { class: "stage", tabindex: "0", role: "application", "aria-roledescription": "picture", "aria-label": `${label}. Keys: ${[KEYS, keys.words].filter(Boolean).join("; ")}` }, sheet);
@@ -88,13 +89,28 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
 
   function pick(dx, dy) {
     if (!width) return;
-    picked ??= [Math.floor(width / 2), Math.floor(height / 2)];
-    picked = [Math.min(width - 1, Math.max(0, picked[0] + dx)), Math.min(height - 1, Math.max(0, picked[1] + dy))];
-    mark.hidden = false;
-    mark.style.left = `${picked[0]}px`;
-    mark.style.top = `${picked[1]}px`;
-    const words = onPixel(picked);
+    const [x, y] = picked ?? [Math.floor(width / 2), Math.floor(height / 2)];
+    const words = pickAt([Math.min(width - 1, Math.max(0, x + dx)), Math.min(height - 1, Math.max(0, y + dy))]);
     if (words) say(words);
+  }
+
+  function pickAt(at) {
+    picked = at;
+    mark.hidden = false;
+    mark.style.left = `${at[0]}px`;
+    mark.style.top = `${at[1]}px`;
+    return onPixel(at);
+  }
+
+  // Returns whether the click asks about a pixel.
+  function asks(event) {
+    if (!onAsk || !(event.ctrlKey || event.metaKey)) return false;
+    const at = pixelAt(event.clientX, event.clientY);
+    if (at) {
+      pickAt(at);
+      onAsk(at);
+    }
+    return true;
   }
 
   const actual = () => {
@@ -103,6 +119,10 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
 
   root.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.target !== root) return;
+    if (keys.press(event.key)) {
+      event.preventDefault();
+      return;
+    }
     const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (arrow && event.shiftKey) pick(...arrow);
     else if (arrow) move(-40 * arrow[0], -40 * arrow[1]);
@@ -114,7 +134,8 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
       mark.hidden = true;
       picked = null;
       onPixel(null);
-    } else if (!keys.press(event.key)) return;
+    } else if (event.key === "Enter" && onAsk && picked) onAsk(picked);
+    else return;
     event.preventDefault();
   });
   let scrolledAt = -SCROLLING_MS;
@@ -136,12 +157,13 @@ export function stage(label, { onPixel = () => {}, keys = { words: "", press: ()
     { passive: false },
   );
   root.addEventListener("dblclick", (event) => {
+    if (onAsk && (event.ctrlKey || event.metaKey)) return;
     const box = root.getBoundingClientRect();
     if (fitted) zoom(Math.max(2, 1 / (scale * devicePixelRatio)), event.clientX - box.left, event.clientY - box.top);
     else fit(true);
   });
   root.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0) return;
+    if (event.button !== 0 || asks(event)) return;
     pointers.set(event.pointerId, [event.clientX, event.clientY]);
     root.setPointerCapture(event.pointerId);
   });

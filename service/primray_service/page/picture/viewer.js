@@ -1,9 +1,11 @@
 // Viewer of a job's picture: while it refines (the server's previews), and, once it has a file, of each of its parts (drawn
-// here from their numbers). It has values under the pointer, exposure, channels, false colours and a histogram.
+// here from their numbers). It has values under the pointer, exposure, channels, false colours and a histogram, and explains
+// the light of a pixel.
 
 import { choice, button, element, field, fill, write } from "../base/dom.js";
 import { histogram } from "../layers/histogram.js";
 import { paint } from "../layers/paint.js";
+import { explainedPixel } from "./explained_pixel.js";
 import { legend } from "./legend.js";
 import { lightSliders } from "./light_sliders.js";
 import { EXPOSE_AFTER_S, KEY_STOPS, LOOKS, lookOf } from "./looks.js";
@@ -24,8 +26,8 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   const waiting = element("span", {}, "Waiting for the first picture");
   const pulse = element("span", { class: "pulse" });
   const wait = element("p", { class: "wait" }, pulse, waiting);
-  const keys = { words: "E and Shift E expose, V shows the next view", press: onKey };
-  const board = stage("The picture", { onPixel: (at) => values.showAt(at), keys });
+  const keys = { words: "E and Shift E expose, V shows the next view, Enter explains the light of the picked pixel, Escape closes that", press: onKey };
+  const board = stage("The picture", { onPixel: (at) => values.showAt(at), onAsk: explain, keys });
   const canvas = element("canvas", { hidden: true });
   board.root.append(wait);
   board.sheet.prepend(canvas);
@@ -55,12 +57,13 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
   const pictures = served(job, { onImage, onScale: (scale) => !layer && colors.show(scale), onTrouble: (text) => write(note, text), onSeen: (seen) => !layer && write(meaning, seen ? `Seen through “${seen}”` : "") });
   const exposureField = element("div", { class: "field exposure" }, element("label", { for: (exposure.id = "exposure") }, "Exposure, stops"), exposure, stops, reset);
   const mark = region(board, onRegion);
+  const explained = explainedPixel(job, () => board.root.focus());
   const [channelField, lookField] = [field("Channel", channel), field("Look", look)];
   const bar = element("div", { class: "bar" }, field("View", view), channelField, lookField, exposureField);
   const playing = player(job, board.sheet, { query: () => (isPart() ? { view: "beauty" } : { view: state.view, channel: state.channel, exposure: state.exposure }), onFrame: onPlayed });
   board.tools.prepend(playing.root, mark.toggle);
   const under = element("div", { class: "under" }, element("div", {}, values.root, colors.root, meaning), board.tools);
-  const root = element("div", { class: "viewer" }, board.root, under, bar, sliders.root, mark.panel, note, counts.root);
+  const root = element("div", { class: "viewer" }, board.root, under, explained.root, bar, sliders.root, mark.panel, note, counts.root);
 
   const chosen = () => found.flatMap(({ layers }) => layers).find(({ key }) => PART + key === state.view);
   const isPart = () => state.view.startsWith(PART);
@@ -79,8 +82,14 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
     exposeTimer = setTimeout(() => change({ exposure: value }), 1000 * EXPOSE_AFTER_S);
   }
 
+  function explain(at) {
+    if (isLive) explained.refuse("Pixels are explained when the job has ended.");
+    else explained.ask(state.frame ?? 0, at);
+  }
+
   // "E" is brighter, "Shift E" darker, as in other viewers of pictures. Returns whether it handled the key.
   function onKey(key) {
+    if (key === "Escape") return explained.close();
     if (key === "e" || key === "E") {
       exposure.value = String(Number(exposure.value) + (key === "e" ? KEY_STOPS : -KEY_STOPS));
       expose();
@@ -225,6 +234,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
     frame: (number, has) => {
       if (number === state.frame) return;
       pictures.isThere(has);
+      explained.close();
       change({ frame: number });
       offer();
     },
@@ -246,6 +256,7 @@ export function viewer(job, { onFirst = () => {}, onRegion = () => {}, onPlayed 
     },
     close: () => {
       closed = true;
+      explained.close();
       clearTimeout(exposeTimer);
       playing.close();
       pictures.close();

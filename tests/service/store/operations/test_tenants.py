@@ -42,6 +42,14 @@ def test_keys(store: SqlStore):
     assert store.key_by_sha256(KEY.sha256) == replace(KEY, revoked_at=T0 + 2)
 
 
+def test_cpu_seconds_outside_of_frames_count_towards_the_day(store: SqlStore):
+    for seconds in (1.5, 2.0):
+        store.spend_cpu("t", T0, seconds)
+    store.spend_cpu("u", T0, 9.0)
+    assert (store.usage("t", T0).cpu_s_today, store.usage("t", T0).cpu_s_total) == (3.5, 3.5)
+    assert (store.usage("t", T0 + 86_400).cpu_s_today, store.usage("t", T0 + 86_400).cpu_s_total) == (0.0, 3.5)
+
+
 def test_counts_and_usage(world: World):
     done, failed, waiting = world.job(frames=1), world.job(), world.job()
     canceling, running, other = world.job(priority=90), world.job(priority=80), world.job("u", priority=10)
