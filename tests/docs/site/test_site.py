@@ -76,7 +76,7 @@ def test_references_are_of_the_code() -> None:
         assert text in flags
     http = build.http_reference(ROOT / "schemas/openapi.json")
     assert "(submissions-submit)=\n### POST /v1/jobs" in http
-    assert http.count("\ncurl -sS") == http.count("/docs#") == 50
+    assert http.count("\ncurl -sS") == http.count("/docs#") == 51
     assert {name.lower() for name in re.findall(r"\[(\w+)\]\(#schema-", http)} <= set(re.findall(r"\(schema-(\w+)\)=", http))
     assert ".. autofunction:: render\n" in build.library()
 
