@@ -50,6 +50,7 @@ PLAIN = {
     "denoise": None,
     "diffusion": None,
     "stop_at": None,
+    "mixes": (),
     "background": None,
 }
 

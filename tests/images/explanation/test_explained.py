@@ -171,6 +171,12 @@ def test_pixels_and_renders_that_cannot_be_are_refused(tmp_path: Path) -> None:
     assert refused.value.code == "explain-renders"
 
 
+def test_how_a_picture_stops_does_not_matter() -> None:
+    stop = {"target_error": 0.01, "adaptive": True, "aovs": ("lights",), "stop_at": "mix", "mixes": ("rest=2",)}
+    pixels = [primray.explain(stage_of("glass"), 12, 8, settings(**values), renders=0) for values in ({}, stop)]
+    assert pixels[0].value == pixels[1].value
+
+
 def test_where_nothing_is_there_are_no_parts(tmp_path: Path) -> None:
     (tmp_path / "room.usda").write_text(ROOM)
     pixel = primray.explain(tmp_path / "room.usda", 31, 0, resolution=(32, 24), spp=4, renders=4)
