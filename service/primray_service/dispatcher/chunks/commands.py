@@ -43,7 +43,7 @@ def render_chunk(
     chunk_id: str, job: Job, frame: Frame, scene: Scene, data: DataDirectory, capacity: Capacity, limits: Limits, asked: Asked
 ) -> Chunk:
     """Return the chunk that renders a frame; raises Problem if inputs are missing."""
-    root, inputs, folders = _files(scene, data)
+    file, inputs, folders = _stage_of(job, scene, data)
     roots = _roots(scene, data)
     saved = data.job(job.id) / frame.checkpoint_file if frame.checkpoint_file else None
     # A lost checkpoint (from a failed or full disk) costs time only: samples are a function of the seed.
@@ -52,7 +52,7 @@ def render_chunk(
         inputs[CHECKPOINT] = saved
     command: Json = {
         "do": "render",
-        "file": f"package/{_entry(job, scene)}" if scene.kind == "zip" else root,
+        "file": file,
         "settings": settings_as_json(_settings_of(job, frame, capacity, asked)),
         "checkpoint": None if begin else CHECKPOINT,
         "number": frame.checkpoint,
@@ -80,7 +80,7 @@ def render_chunk(
         group=group,
         more_follow=asked.more,
         scene=_open_scene(job, scene),
-        keep_s=limits.scene_kept_s if not roots else 0.0,
+        keep_s=_kept_s(scene, limits),
         roots=roots,
     )
 
@@ -122,11 +122,11 @@ def merge_chunk(
     merged = {CHECKPOINT: folder / frame.checkpoint_file} if frame.merged else {}
     merged |= {f"part-{part.first}.prc": folder / part.checkpoint_file for part in parts}
     # The scene's files stay: otherwise they would be removed from the worker, and its next part would miss them.
-    root, inputs, folders = _files(scene, data)
+    file, inputs, folders = _stage_of(job, scene, data)
     roots = _roots(scene, data)
     command: Json = {
         "do": "merge",
-        "file": f"package/{_entry(job, scene)}" if scene.kind == "zip" else root,
+        "file": file,
         "background": job.settings.get("background"),
         "parts": list(merged),
         "number": frame.checkpoint,
@@ -146,7 +146,7 @@ def merge_chunk(
         group=_group_of_parts(job),
         more_follow=True,
         scene=_open_scene(job, scene),
-        keep_s=limits.scene_kept_s if scene.kind != SHARED else 0.0,
+        keep_s=_kept_s(scene, limits),
         roots=roots,
     )
 
@@ -161,6 +161,11 @@ def _open_scene(job: Job, scene: Scene) -> str:
     if scene.kind == SHARED:
         return ""
     return f"{job.tenant}/{scene.id}"
+
+
+def _kept_s(scene: Scene, limits: Limits) -> float:
+    """Return how long a worker without work keeps the scene open: not at all where its files may change."""
+    return 0.0 if scene.kind == SHARED else limits.scene_kept_s
 
 
 def _settings_of(job: Job, frame: Frame, capacity: Capacity, asked: Asked) -> RenderSettings:
@@ -194,17 +199,14 @@ def explain_chunk(
 
     The samples are those that the picture has taken of a pixel on average, from its first one.
     """
-    root, inputs, folders = _files(scene, data)
+    file, inputs, folders = _stage_of(job, scene, data)
     roots = _roots(scene, data)
     settings = frame_settings(job.settings, frame, capacity)
     taken = round(float(frame.progress.get("samples_done") or 0)) or settings.spp or DEFAULT_SPP
-    plain = replace(
-        settings, spp=min(taken, MOST_EXPLAINED), target_error=None, time_limit_s=None, stop_at=StopAt.PICTURE, mixes=()
-    )
     command: Json = {
         "do": "explain",
-        "file": f"package/{_entry(job, scene)}" if scene.kind == "zip" else root,
-        "settings": settings_as_json(plain),
+        "file": file,
+        "settings": settings_as_json(replace(settings, spp=min(taken, MOST_EXPLAINED))),
         "pixel": list(pixel),
         "limits": asdict(limits),
     } | _root_of(roots)
@@ -216,7 +218,7 @@ def explain_chunk(
         folders,
         load_cpu_s=limits.explain_cpu_s,
         scene=_open_scene(job, scene),
-        keep_s=limits.scene_kept_s if not roots else 0.0,
+        keep_s=_kept_s(scene, limits),
         roots=roots,
     )
 
@@ -258,6 +260,12 @@ def _files(scene: Scene, data: DataDirectory) -> tuple[str, dict[str, Path], dic
     _require(folder / "upload")
     name = file_name(scene.name, scene.kind)
     return name, {name: folder / "upload"}, {}
+
+
+def _stage_of(job: Job, scene: Scene, data: DataDirectory) -> tuple[str, dict[str, Path], dict[str, Path]]:
+    """Return the file that a job's commands open, and what `_files` returns else; raises Problem as it does."""
+    root, inputs, folders = _files(scene, data)
+    return f"package/{_entry(job, scene)}" if scene.kind == "zip" else root, inputs, folders
 
 
 def _require(path: Path) -> None:
