@@ -41,17 +41,13 @@ TITLES = {
     "bounce": "by bounce",
     "prim": "by the prim that sends it here",
 }
-# Settings that one pixel does not have.
-PLAIN = {
-    "pixel_size": 1.0,
-    "target_error": None,
-    "time_limit_s": None,
-    "adaptive": None,
-    "denoise": None,
-    "diffusion": None,
-    "stop_at": None,
-    "mixes": (),
-    "background": None,
+# Settings that one pixel does not have, with what they are by default.
+PLAIN: Mapping[str, Any] = {
+    name: getattr(RenderSettings(), name)
+    for name in (
+        *("pixel_size", "target_error", "time_limit_s", "adaptive", "denoise"),
+        *("diffusion", "stop_at", "mixes", "background"),
+    )
 }
 
 
@@ -211,8 +207,7 @@ class Explainer:
     def picture(self, settings: RenderSettings, spp: int) -> Image:
         """Return a picture of the whole frame, of at most `spp` samples a pixel."""
         given = DEFAULT_SPP if settings.spp is None else settings.spp
-        defaults = {name: getattr(RenderSettings(), name) for name in PLAIN}
-        asked = replace(settings, **defaults, region=None, aovs=(), sample_range=None, spp=min(given, spp))
+        asked = replace(settings, **PLAIN, region=None, aovs=(), sample_range=None, spp=min(given, spp))
         return self._kept.render(asked, None, "raise", None, (), lambda diagnostics: None)
 
     def prepare(self, x: int, y: int, settings: RenderSettings) -> PixelRender:
@@ -230,8 +225,7 @@ class Explainer:
         return self.prepare(min(int(across * width), width - 1), min(int(down * height), height - 1), settings)
 
     def _resolution(self, settings: RenderSettings) -> tuple[int, int]:
-        defaults = {name: getattr(RenderSettings(), name) for name in PLAIN}
-        asked = replace(settings, **defaults, aovs=NAMING_AOVS, region=None)
+        asked = replace(settings, **PLAIN, aovs=NAMING_AOVS, region=None)
         return self._kept.translated(asked).frame.resolution
 
     def prepared(self, settings: RenderSettings, region: tuple[float, float, float, float], aovs: Sequence[str]) -> Prepared:
@@ -239,10 +233,9 @@ class Explainer:
         from ..diagnostics import Diagnostics
         from ..report.report import Costs
 
-        defaults = {name: getattr(RenderSettings(), name) for name in PLAIN}
-        asked, costs = replace(settings, **defaults, region=region, aovs=tuple(aovs)), Costs()
+        asked, costs = replace(settings, **PLAIN, region=region, aovs=tuple(aovs)), Costs()
         prepared = self._kept.prepare(asked, costs, Diagnostics(), steps=self._steps)
-        return replace(prepared, settings=replace(prepared.settings, **defaults))
+        return replace(prepared, settings=replace(prepared.settings, **PLAIN))
 
 
 def explained(render: PixelRender, renders: int = RENDERS, check: Callable[[], None] = lambda: None) -> ExplainedPixel:
