@@ -11,7 +11,7 @@ from typing import Any
 from pxr import Sdf, Tf, Usd
 
 from ...errors import StageOpenError
-from ..stage.layer_copy import readable_layer
+from ..stage.layer_copy import readable_layer, restored
 from ..stage.metadata import spec_field
 from ..stage.reads import authored_attributes, value_at
 from ..stage.time_varying import layer_times, sample_times
@@ -90,15 +90,11 @@ def _shown(value: Any) -> str | None:
 @contextmanager
 def made_alone(layer: Sdf.Layer, after: Sdf.Layer, edits: Sequence[Edit]) -> Iterator[None]:
     """Make some of the edits in a layer that a stage uses, in memory; take them back at the end."""
-    kept = Sdf.Layer.CreateAnonymous(".usda")
-    kept.TransferContent(layer)
-    try:
+    with restored(layer):
         with Sdf.ChangeBlock():
             for edit in edits:
                 _make(layer, after, edit)
         yield
-    finally:
-        layer.TransferContent(kept)
 
 
 def _make(layer: Sdf.Layer, after: Sdf.Layer, edit: Edit) -> None:

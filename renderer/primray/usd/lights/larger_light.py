@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from pxr import Sdf, Usd, UsdLux
 
+from ..stage.layer_copy import restored
 from ..stage.messages import scene_errors
 from ..stage.reads import default_value
 from ..stage.time_varying import has_time_values
@@ -32,13 +33,10 @@ def larger_light(stage: Usd.Stage, path: str, factor: float) -> Iterator[None]:
     The intensity of a normalized light is its power, and stays as it is.
     """
     session = stage.GetSessionLayer()
-    before = session.ExportToString()
-    try:
+    with restored(session):
         with scene_errors(), Usd.EditContext(stage, session):
             _enlarge(stage.GetPrimAtPath(path), factor)
         yield
-    finally:
-        session.ImportFromString(before)
 
 
 def _enlarge(prim: Usd.Prim, factor: float) -> None:

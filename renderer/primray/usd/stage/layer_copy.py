@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from pxr import Sdf, Tf
 
 from ...errors import StageOpenError
@@ -17,3 +20,14 @@ def readable_layer(file: str, *, where: str = "") -> Sdf.Layer:
     if layer is None:
         raise StageOpenError("USD cannot open it.", where=where or file)
     return layer
+
+
+@contextmanager
+def restored(layer: Sdf.Layer) -> Iterator[None]:
+    """Let a layer that a stage uses be edited in memory while the block runs; it is as before at the end."""
+    kept = Sdf.Layer.CreateAnonymous(".usda")
+    kept.TransferContent(layer)
+    try:
+        yield
+    finally:
+        layer.TransferContent(kept)
