@@ -147,10 +147,10 @@ class Film:
         """Start the sample sequences at index `number` instead of 0."""
         self._film.start_at(number)
 
-    def next_part(self, scene: CoreScene, settings: RenderSettings) -> Film:
-        """Return a film without samples, whose sequences begin where this one's end."""
-        empty = Film(scene, settings=settings)
-        return Film(scene, {**empty.state(), "next": self.next}, settings)
+    @classmethod
+    def begun_at(cls, scene: CoreScene, begins: npt.NDArray[np.uint32], settings: RenderSettings) -> Film:
+        """Return a film without samples, whose sequences begin there: `begins` as `next` counts them."""
+        return cls(scene, {**cls(scene, settings=settings).state(), "next": begins}, settings)
 
     def merge(self, other: Film) -> None:
         """Add the samples of another film, which are disjoint from these: the result has the bits of one film with all of

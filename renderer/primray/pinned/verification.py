@@ -310,10 +310,10 @@ class _Verifier:
         """Return pixels of which these tiles have these samples, from 0 on or from `begins`."""
         from .. import core
 
-        film = core.Film(prepared.scene, settings=prepared.settings)
-        if begins is not None:
-            film = core.Film(prepared.scene, {**film.state(), "next": begins.astype(np.uint32)}, prepared.settings)
-        self._film = film
+        if begins is None:
+            film = self._film = core.Film(prepared.scene, settings=prepared.settings)
+        else:
+            film = self._film = core.Film.begun_at(prepared.scene, begins, prepared.settings)
         splits = core.choose_splits(prepared.scene, prepared.settings)
         if tuple(splits) != self.picture.splits:
             raise _Found(self._blamed(Difference("pixels", "splitting factors", list(self.picture.splits), list(splits))))

@@ -148,7 +148,7 @@ class Sampling:
         if not poll(0.0):
             self._end(why)
             return why
-        film = self.film if self.on_film_of_pass is None else self.film.next_part(self.scene, self.settings)
+        film = self.film if self.on_film_of_pass is None else core.Film.begun_at(self.scene, self.film.next, self.settings)
         with span("pass", samples=goal.samples - self.done, to=goal.samples):
             done = core.render_pass(self.scene, film, goal.ends, self.splits, self.settings, poll)
         if film is not self.film:
