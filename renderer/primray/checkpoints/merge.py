@@ -24,16 +24,13 @@ from ..sampling.mix_weights import mix_weights
 from ..sampling.sampling import Sampling
 from ..sampling.schedule import Schedule
 from ..settings import RenderSettings, StopAt, settings_as_json, settings_of_json
+from ..settings.light_mixes import NO_MIXES
 from .aov_data import AovData, aovs_of_data, merged_aov_data
 from .checkpoint import Checkpoint, Range, check, compare, contents, gaps, load
 from .checkpoint_file import write_checkpoint
 
 # Diagnostics about the merged samples, which each merge reports again.
 OF_SAMPLES = ("samples-missing", "invalid-samples", "aovs-not-merged", "display-error-unknown", PICTURE_UNFINISHED)
-
-
-# Settings of a picture that stops at no error of a mix of lights.
-NO_MIXES: Mapping[str, Any] = {"stop_at": StopAt.PICTURE, "mixes": ()}
 
 
 @dataclass(frozen=True)

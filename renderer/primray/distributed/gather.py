@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ..aovs import DEEP
-from ..checkpoints.merge import NO_MIXES, Merged, MergedParts, merged_parts, picture_of_parts, rules_for_all
+from ..checkpoints.merge import Merged, MergedParts, merged_parts, picture_of_parts, rules_for_all
 from ..denoising.denoiser import check_denoiser
 from ..errors import CheckpointError, PrimrayError, RenderCancelled, SettingsError
 from ..report.report import Costs
@@ -25,8 +25,9 @@ from ..sampling.error import DisplayView, ErrorCurve
 from ..sampling.sampling import Progress, Sampling
 from ..sampling.schedule import Schedule, Stop
 from ..settings import Metric, RenderSettings, StopAt
+from ..settings.light_mixes import NO_MIXES
 from .executor import PartLost, PartsExecutor, PartsWithdrawn
-from .planner import MOST_AHEAD, AssignedRanges, PartCosts, Range, samples_of_next_part
+from .planner import MOST_AHEAD, AssignedRanges, PartCosts, Range, part_settings, samples_of_next_part
 
 MOST_WITHDRAWN = 8  # times that a frame begins again
 NOT_WHOLE = ("checkpoint-missing", "checkpoint-damaged")
@@ -379,11 +380,6 @@ def check_distributable(asked: RenderSettings) -> None:
         check_denoiser()
     if asked.metric is Metric.DISPLAY:  # measured in this process
         DisplayView().check()
-
-
-def part_settings(asked: RenderSettings, part: Range) -> RenderSettings:
-    """Return the settings that one part is rendered with."""
-    return replace(asked, sample_range=part, spp=None, target_error=None, time_limit_s=None, adaptive=None, **NO_MIXES)
 
 
 def sample_rules(asked: RenderSettings) -> dict[str, Any]:

@@ -12,10 +12,11 @@ from __future__ import annotations
 import hashlib
 import hmac
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..sampling.schedule import FIRST_ANCHOR
-from ..settings import SAMPLE_BLOCK
+from ..settings import SAMPLE_BLOCK, RenderSettings
+from ..settings.light_mixes import NO_MIXES
 
 Range = tuple[int, int]
 MOST_AHEAD = 2  # finished parts beyond the goal to hold, for each slot: each takes the memory of a film
@@ -24,6 +25,11 @@ MOST_AHEAD = 2  # finished parts beyond the goal to hold, for each slot: each ta
 def seed_of(secret: bytes, sha256: str, part: Range) -> int:
     """Return the seed of the tiles that a check draws: unknown without the secret, another one for another file."""
     return int.from_bytes(hmac.digest(secret, f"{sha256} {part[0]}:{part[1]}".encode(), hashlib.sha256), "big")
+
+
+def part_settings(asked: RenderSettings, part: Range) -> RenderSettings:
+    """Return the settings that one part of a frame is rendered with."""
+    return replace(asked, sample_range=part, spp=None, target_error=None, time_limit_s=None, adaptive=None, **NO_MIXES)
 
 
 class AssignedRanges:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ..errors import SettingsError
+from .choices import StopAt
 
 Weights = dict[str, tuple[float, float, float]]
 Weight = float | Sequence[float]
+NO_MIXES: Mapping[str, Any] = {"stop_at": StopAt.PICTURE, "mixes": ()}  # settings of a picture that stops at none of them
 
 
 def checked_weight(name: str, weight: Weight) -> tuple[float, float, float]:

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from primray.settings import DEFAULT_SPP, RenderSettings, StopAt, settings_as_json
+from primray.distributed.planner import part_settings
+from primray.settings import DEFAULT_SPP, RenderSettings, settings_as_json
 
 from ...admission import ALL, products_by_name, render_settings
 from ...api.models import FileSettings, Settings
@@ -99,16 +100,7 @@ def part_chunk(
     """Return the chunk that renders a part; raises Problem if inputs are missing."""
     of_part = replace(frame, checkpoint=part.checkpoint, checkpoint_file=part.checkpoint_file, progress={})
     whole = render_chunk(chunk_id, job, of_part, scene, data, capacity, limits, Asked(1))
-    settings = replace(
-        frame_settings(job.settings, frame, capacity),
-        spp=None,
-        target_error=None,
-        time_limit_s=None,
-        adaptive=None,
-        sample_range=(part.first, part.end),
-        stop_at=StopAt.PICTURE,
-        mixes=(),
-    )
+    settings = part_settings(frame_settings(job.settings, frame, capacity), (part.first, part.end))
     command = whole.command | {"settings": settings_as_json(settings), "outputs": [], "part": True}
     return replace(whole, command=command, group=_group_of_parts(job), more_follow=True)
 
