@@ -22,7 +22,7 @@ from ..arrays import Doubles
 from ..sampling.error import student_quantile
 
 BIN_BITS, LOWEST_BIN = 40, -4  # as in exact_sum.hpp
-RARE = 16.0  # the mean of all renders, squared, is at least so many times its variance where a part has an interval
+RARE = 16.0  # least ratio of the squared mean of all renders to its variance at which a part has an interval
 Color = tuple[float, float, float]
 
 

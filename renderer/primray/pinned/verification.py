@@ -280,9 +280,9 @@ class _Verifier:
             self._asked = asked
             for tile in chosen:
                 ends = [self._range(k, tile)[1] for k in range(len(self.picture.passes))]
-                number = int(np.searchsorted(ends, random.integers(max(ends[-1], 1)), side="right"))
-                first, end = self._range(min(number, len(ends) - 1), tile)
-                if not self._is_range_right(prepared, min(number, len(ends) - 1), tile):
+                number = min(int(np.searchsorted(ends, random.integers(max(ends[-1], 1)), side="right")), len(ends) - 1)
+                first, end = self._range(number, tile)
+                if not self._is_range_right(prepared, number, tile):
                     what = f"{self._name(tile)}, samples {first} to {end}"
                     raise _Found(self._blamed(Difference("pixels", what, "the lock's hash of them", "other bits")))
                 self.ranges += ((tile, first, end),)

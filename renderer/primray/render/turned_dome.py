@@ -117,8 +117,7 @@ def _turned(dome: Light, turn: Doubles) -> Light:
 
 def settings_of_header(header: Mapping[str, str | int | float], spp: int | None) -> RenderSettings:
     """Return the settings that a picture's header tells, with outputs and stopping rules of the new render."""
-    camera_is_path = "settings.camera" in header
-    if not camera_is_path or "samples" not in header:
+    if "settings.camera" not in header or "samples" not in header:
         sentence = "the picture's header does not tell the settings of its render, with a camera of the stage"
         raise SettingsError(sentence, code=CODE)
     told = {row.name: header[f"settings.{row.name}"] for row in rows(RenderSettings) if f"settings.{row.name}" in header}
