@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,7 @@ from .tried_edit import TriedEdit
 
 if TYPE_CHECKING:
     from .explained import ExplainedPixel, Explainer
+    from .noise import NoisePath
 
 TILE = 16  # pixels across
 RENDERS, SPP = 8, 32
@@ -34,6 +35,8 @@ RESAMPLED = 400
 DARKEST = 0.01  # relMSE's: a pixel's variance counts over its square plus this
 CLAMP = 10.0  # times the pixel's light
 LARGER = 2.0
+ROUGHER = 0.3
+MOST_OF_A_KIND = 2  # lights, and materials
 LEAST_SHARE = 0.02  # of the noise, for an edit of what makes it
 CERTAIN = 4.5  # standard deviations by Student's t of one of 256 pixels, for a change of the picture
 
@@ -73,13 +76,14 @@ def _edits(explainer: Explainer, pixel: ExplainedPixel, settings: RenderSettings
     """Yield edits of what makes the pixel's noise."""
     from .. import usd
 
+    paths = [path for path in pixel.noise if not path.is_random]
     shares: dict[str, float] = {}
     deep = caustic = 0.0
-    for path in pixel.noise:
-        if not path.is_random:
-            shares[path.light] = shares.get(path.light, 0.0) + path.share
-            deep += path.share if len(path.prims) > 1 else 0.0
-            caustic += path.share if any(kind in path.expression for kind in ("D>+<.S", "D>+<.G")) else 0.0
+    for path in paths:
+        shares[path.light] = shares.get(path.light, 0.0) + path.share
+        deep += path.share if len(path.prims) > 1 else 0.0
+        caustic += path.share if any(kind in path.expression for kind in ("D>+<.S", "D>+<.G")) else 0.0
+    by_material = _shares_by_material(explainer.stage, paths)
     if deep >= LEAST_SHARE and settings.clamp_indirect is None:
         level = float(f"{CLAMP * max(pixel.value):.1g}")
         if level > 0:
@@ -88,10 +92,35 @@ def _edits(explainer: Explainer, pixel: ExplainedPixel, settings: RenderSettings
         yield _Edit("--caustics off", replace(settings, caustics=False), nullcontext())
     if deep >= LEAST_SHARE and (settings.max_depth is None or settings.max_depth > 3):
         yield _Edit("--max-depth 3", replace(settings, max_depth=3), nullcontext())
-    for light in sorted(shares, key=lambda light: -shares[light])[:2]:
-        if shares[light] >= LEAST_SHARE and usd.can_be_larger(explainer.stage, light):
+    for light in _largest(shares):
+        if usd.can_be_larger(explainer.stage, light):
             words = f"{light} {LARGER:g} times as large, of the same power"
             yield _Edit(words, settings, usd.larger_light(explainer.stage, light, LARGER))
+    smooth = {name: share for name, share in by_material.items() if usd.can_be_rougher(explainer.stage, name, ROUGHER)}
+    for material in _largest(smooth):
+        yield _Edit(
+            f"{material} with a roughness of {ROUGHER:g}", settings, usd.rougher_material(explainer.stage, material, ROUGHER)
+        )
+
+
+def _largest(shares: Mapping[str, float]) -> list[str]:
+    """Return the names of the largest shares that are worth an edit."""
+    names = [name for name, share in shares.items() if share >= LEAST_SHARE]
+    return sorted(names, key=lambda name: -shares[name])[:MOST_OF_A_KIND]
+
+
+def _shares_by_material(stage: Any, paths: Sequence[NoisePath]) -> dict[str, float]:
+    """Return how much of the noise comes by way of each material, on paths that something reflects or refracts."""
+    from .. import usd
+
+    mirrored = [path for path in paths if set("GS") & set(path.expression)]
+    prims = {prim for path in mirrored for prim in path.prims if prim.startswith("/")}  # not the air, nor in native instances
+    materials = usd.bound_materials(stage, prims)
+    shares: dict[str, float] = {}
+    for path in mirrored:
+        for material in {materials[prim] for prim in path.prims if prim in materials}:
+            shares[material] = shares.get(material, 0.0) + path.share
+    return shares
 
 
 def _trial(explainer: Explainer, pixel: ExplainedPixel, settings: RenderSettings) -> _Trial:

@@ -170,8 +170,8 @@ def explain(
 
     The samples are those that `render` takes of it with the same settings; a target error or a time limit does not end them:
     `spp`, or 64, does. `renders` further ones of this pixel with other seeds give the errors; 0: no errors.
-    `edits`: try edits that would lessen the noise, of settings and of the lights that make most of it. Lights are edited in a
-    session layer, which is as before afterwards.
+    `edits`: try edits that would lessen the noise, of settings and of the lights and materials that make most of it. The latter
+    are edited in a session layer, which is as before afterwards.
     Fields of RenderSettings may be given by name. Errors are those of `render`, and SettingsError `explain-pixel` where the
     frame has no such pixel.
     """

@@ -22,6 +22,7 @@ from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
 from .lights.larger_light import can_be_larger, larger_light
 from .lights.weight_layer import weight_layer
 from .materials.bound_materials import bound_materials
+from .materials.rougher_material import can_be_rougher, rougher_material
 from .render_settings.outputs import can_share_render, ordered_picture_channels, output_facts, outputs_of, pixel_settings
 from .render_settings.render_product import ProductSettings, RenderVariable
 from .render_settings.render_settings import named_product, products
@@ -50,6 +51,7 @@ __all__ = [
     "camera_layer",
     "camera_paths",
     "can_be_larger",
+    "can_be_rougher",
     "can_share_render",
     "check_preview",
     "count_undrawn_shapes",
@@ -82,6 +84,7 @@ __all__ = [
     "read_asset",
     "readable_layer",
     "reload_layers",
+    "rougher_material",
     "sampled_times",
     "scratch_copy",
     "stage_facts",

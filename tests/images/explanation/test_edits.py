@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Usd
+from pxr import Sdf, Usd, UsdShade
 from tests.images.sampling.test_rare_paths import room
 
 import primray
@@ -50,9 +50,19 @@ def test_edits_of_a_caustic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert found["--caustics off"].change_range[1] < 0
     larger = found["/key 2 times as large, of the same power"]
     assert larger.times < found["--caustics off"].times * 1e3
+    assert "/m with a roughness of 0.3" in found
     assert [edit.times for edit in pixel.edits] == sorted(edit.times for edit in pixel.edits)
     assert stage.GetSessionLayer().ExportToString() == before
     assert stage.GetAttributeAtPath("/key.inputs:radius").Get() == pytest.approx(0.4)
+    assert stage.GetAttributeAtPath("/m/s.inputs:roughness").Get() == 0
+
+
+def test_a_rougher_mirror_changes_what_its_caustic_lights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("primray.core.scene.CoreScene.caustics", lambda *_: None)
+    (tmp_path / "room.usda").write_text(room(light="0.4", ball="mirror"))
+    pixel = primray.explain(tmp_path / "room.usda", 23, 21, resolution=(48, 32), spp=256, max_depth=6, renders=0, edits=True)
+    (rougher,) = [edit for edit in pixel.edits if edit.edit == "/m with a roughness of 0.3"]
+    assert rougher.changes
 
 
 @pytest.mark.parametrize(
@@ -83,3 +93,61 @@ def test_what_has_no_size_cannot_be_larger() -> None:
     stage.DefinePrim("/dome", "DomeLight")
     stage.DefinePrim("/sun", "DistantLight").GetAttribute("inputs:angle").Set(0.0)
     assert not any(usd.can_be_larger(stage, path) for path in ("/dome", "/sun", "/nothing", "the air", ""))
+
+
+def shader(stage: Usd.Stage, kind: str, **inputs: float) -> UsdShade.Shader:
+    material = UsdShade.Material.Define(stage, "/m")
+    found = UsdShade.Shader.Define(stage, "/m/graph/shader")
+    found.CreateIdAttr(kind)
+    material.CreateSurfaceOutput().ConnectToSource(found.ConnectableAPI(), "surface")
+    for name, value in inputs.items():
+        found.CreateInput(name, Sdf.ValueTypeNames.Float).Set(value)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs"),
+    [
+        ("UsdPreviewSurface", {"roughness": 0.1, "clearcoatRoughness": 0.01}),
+        ("ND_open_pbr_surface_surfaceshader", {"specular_roughness": 0.0, "coat_roughness": 0.1}),
+        ("ND_gltf_pbr_surfaceshader", {"roughness": 0.2}),
+    ],
+)
+def test_a_rougher_material_is_as_before_afterwards(kind: str, inputs: dict[str, float]) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    own = shader(stage, kind, **inputs)
+    assert usd.can_be_rougher(stage, "/m", 0.3)
+    with usd.rougher_material(stage, "/m", 0.3):
+        assert all(own.GetInput(name).Get() == pytest.approx(0.3) for name in inputs)
+    assert all(own.GetInput(name).Get() == pytest.approx(value) for name, value in inputs.items())
+    assert stage.GetSessionLayer().empty
+
+
+def test_a_rougher_material_sets_the_input_that_its_shader_is_connected_to() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    own = shader(stage, "UsdPreviewSurface", roughness=0.9)
+    outer = UsdShade.Material(stage.GetPrimAtPath("/m")).CreateInput("gloss", Sdf.ValueTypeNames.Float)
+    outer.Set(0.05)
+    own.GetInput("roughness").ConnectToSource(outer)
+    with usd.rougher_material(stage, "/m", 0.3):
+        assert outer.Get() == pytest.approx(0.3)
+        assert own.GetInput("roughness").GetAttr().Get() == pytest.approx(0.9)
+
+
+def test_what_has_no_smooth_lobe_cannot_be_rougher() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    own = shader(stage, "UsdPreviewSurface", roughness=0.4)
+    assert not any(usd.can_be_rougher(stage, path, 0.3) for path in ("/m", "/m/graph/shader", "/nothing", "the air", ""))
+    texture = UsdShade.Shader.Define(stage, "/m/texture")
+    texture.CreateIdAttr("UsdUVTexture")
+    own.GetInput("roughness").Set(0.1)
+    assert usd.can_be_rougher(stage, "/m", 0.3)
+    own.GetInput("roughness").ConnectToSource(texture.ConnectableAPI(), "r")
+    assert not usd.can_be_rougher(stage, "/m", 0.3)
+    assert not usd.can_be_rougher(rough_diffuse(), "/m", 0.3)
+
+
+def rough_diffuse() -> Usd.Stage:
+    stage = Usd.Stage.CreateInMemory()
+    shader(stage, "ND_oren_nayar_diffuse_bsdf", roughness=0.0)
+    return stage
