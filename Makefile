@@ -81,6 +81,7 @@ docs: setup  ## bring generated pages, sources and parts of README.md up to date
 	$(BIN)/python -m tests.docs.decisions
 	$(BIN)/python -m tests.docs.flags.foreign
 	$(BIN)/python -m tests.docs.measured.hard_cases
+	$(BIN)/python -m tests.docs.measured.readme_figures
 	$(BIN)/python -m tests.docs.settings
 	$(BIN)/python -m tests.docs.openapi
 	$(BIN)/python -m tests.docs.codes.fidelity
