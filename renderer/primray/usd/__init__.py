@@ -19,10 +19,8 @@ from .inspect.light_path_layer import light_path_layer
 from .inspect.prim_identity import assets_of, names_in_instances
 from .inspect.scene_facts import stage_facts
 from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
-from .lights.larger_light import can_be_larger, larger_light
 from .lights.weight_layer import weight_layer
 from .materials.bound_materials import bound_materials
-from .materials.rougher_material import can_be_rougher, rougher_material
 from .render_settings.outputs import can_share_render, ordered_picture_channels, output_facts, outputs_of, pixel_settings
 from .render_settings.render_product import ProductSettings, RenderVariable
 from .render_settings.render_settings import named_product, products
@@ -33,6 +31,8 @@ from .stage.metadata import stage_name, used_files
 from .stage.open import limit_threads, open_stage, reload_layers, scratch_copy
 from .stage.reads import read_asset
 from .translate import camera_paths, translate
+from .variation.larger_light import can_be_larger, larger_light
+from .variation.rougher_material import can_be_rougher, rougher_material
 from .variation.varied_stage import VariedStage
 
 __all__ = [

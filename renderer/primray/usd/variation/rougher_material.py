@@ -11,6 +11,7 @@ from ..stage.layer_copy import restored
 from ..stage.messages import scene_errors
 from ..stage.reads import computed, default_value, shader_id
 from ..stage.time_varying import has_time_values
+from ..stage.traversal import find_below
 
 ROUGHNESS = ("roughness", "specular_roughness", "coat_roughness", "clearcoatRoughness")  # of lobes that reflect or refract
 _DIFFUSE = ("oren_nayar", "burley", "sheen", "subsurface")  # shaders whose roughness is of another kind
@@ -37,7 +38,7 @@ def _smooth(stage: Usd.Stage, path: str, roughness: float) -> list[Usd.Attribute
     if not material or not material.IsA(UsdShade.Material) or material.IsInstanceProxy():
         return []
     found: dict[Sdf.Path, Usd.Attribute] = {}
-    for prim in Usd.PrimRange(material):
+    for prim in find_below(material):
         if prim.IsA(UsdShade.Shader) and not any(name in shader_id(prim) for name in _DIFFUSE):
             for name in ROUGHNESS:
                 found |= {one.GetPath(): one for one in _givers(prim, name) if _is_below(one, roughness)}
