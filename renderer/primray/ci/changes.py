@@ -29,9 +29,10 @@ class Change:
         return {path for path in (self.before, self.after) if path is not None}
 
 
-def changes(root: Path, between: Sequence[str], *, untracked: bool) -> Iterator[Change]:
+def changes(root: Path, between: Sequence[str], *, untracked: bool, index: Path | None = None) -> Iterator[Change]:
     """Yield what `git diff` says between two commits or trees, one and the working tree, or one and the index (--cached)."""
-    words = iter(git(root, "diff", "--name-status", "-z", "--find-renames", "--no-ext-diff", *between).split("\0"))
+    asked = ("diff", "--name-status", "-z", "--find-renames", "--no-ext-diff", *between)
+    words = iter(git(root, *asked, index=index).split("\0"))
     for status in words:
         if not status:
             break

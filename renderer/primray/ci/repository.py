@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..errors import SettingsError
 from .changes import Change, changes
-from .git import answers, git
+from .git import answers, empty_tree, git, staged_index
 from .submodules import Submodules, check_out
 
 FETCH_ALL = "git fetch --unshallow origin '+refs/heads/*:refs/remotes/origin/*'"
@@ -24,7 +24,7 @@ class Sides:
 
     before: Path
     after: Path
-    base: str  # the commit
+    base: str  # the commit, or "no commit" where there is none yet
     head: str  # a commit, "staged" or "working tree"
     changes: tuple[Change, ...]
     submodules: Submodules = field(default_factory=Submodules)
@@ -35,28 +35,34 @@ def sides(folder: str | os.PathLike[str], base: str | None, head: str | None, *,
     """Yield both sides of the repository that holds the folder; they are gone afterwards.
 
     Before is the merge base of `base` and the side after: HEAD for what is staged. After is what is staged, the commit `head`,
-    or the working tree with its untracked files.
+    or the working tree with its untracked files. Before the first commit there is nothing.
     """
     root = Path(git(Path(folder), "rev-parse", "--show-toplevel").strip())
-    start = _commit(root, head or "HEAD")
-    before = start if staged and base is None else _merge_base(root, base or _usual_base(root), start)
+    index = staged_index(root) if staged else None
+    is_first = base is None and head is None and not answers(root, "rev-parse", "--verify", "--quiet", "HEAD")
+    start = None if is_first else _commit(root, head or "HEAD")
+    before = start if start is None or (staged and base is None) else _merge_base(root, base or _usual_base(root), start)
     temporary = Path(tempfile.mkdtemp(prefix="primray-ci-")).resolve()
     submodules = Submodules()
     try:
-        git(root, "worktree", "add", "--quiet", "--detach", str(temporary / "before"), before)
+        if before is not None:
+            git(root, "worktree", "add", "--quiet", "--detach", str(temporary / "before"), before)
         if staged:
-            git(root, "checkout-index", "--all", f"--prefix={temporary / 'after'}/")
-        elif head is not None:
+            git(root, "checkout-index", "--all", f"--prefix={temporary / 'after'}/", index=index)
+        elif head is not None and start is not None:
             git(root, "worktree", "add", "--quiet", "--detach", str(temporary / "after"), start)
-        (temporary / "after").mkdir(exist_ok=True)
+        for side in ("before", "after"):
+            (temporary / side).mkdir(exist_ok=True)
         after = temporary / "after" if staged or head is not None else root
         is_working = after == root
         folders = (temporary / "before", after)
-        check_out(root, folders, before, start, submodules, is_working=is_working, is_staged=staged)
-        between = ["--cached", before] if staged else [before] if head is None else [before, start]
-        own = [change for change in changes(root, between, untracked=is_working) if not change.paths & submodules.found]
+        check_out(root, folders, before, start, submodules, is_working=is_working, index=index)
+        old = before or empty_tree(root)
+        between = ["--cached", old] if staged else [old] if head is None or start is None else [old, start]
+        files = changes(root, between, untracked=is_working, index=index)
+        own = [change for change in files if not change.paths & submodules.found]
         name = "staged" if staged else head or "working tree"
-        yield Sides(*folders, before, name, (*own, *submodules.changes), submodules)
+        yield Sides(*folders, before or "no commit", name, (*own, *submodules.changes), submodules)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
         for repository in (root, *submodules.repositories):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..errors import SettingsError
 from .changes import Change, changes
-from .git import answers, git
+from .git import answers, empty_tree, git
 
 GITLINK = "160000"
 
@@ -31,7 +31,7 @@ class Submodules:
 @dataclass(frozen=True)
 class _Level:
     """A repository with its sides. `before`, `after`: commits, None where it is not on that side; `after` of the working tree
-    and of the index is unused."""
+    and of what is staged, by `index`, is unused."""
 
     repository: Path
     prefix: str  # path in the outermost one, with a slash at the end
@@ -39,20 +39,27 @@ class _Level:
     before: str | None
     after: str | None
     is_working: bool = False
-    is_staged: bool = False
+    index: Path | None = None
 
 
 def check_out(
-    root: Path, folders: tuple[Path, Path], before: str, after: str, made: Submodules, *, is_working: bool, is_staged: bool
+    root: Path,
+    folders: tuple[Path, Path],
+    before: str | None,
+    after: str | None,
+    made: Submodules,
+    *,
+    is_working: bool,
+    index: Path | None,
 ) -> None:
     """Put the files of submodules into the folders of both sides, but for the working tree, which has its own."""
-    _fill(_Level(root, "", folders, before, after, is_working, is_staged), made)
+    _fill(_Level(root, "", folders, before, after, is_working, index), made)
 
 
 def _fill(level: _Level, made: Submodules) -> None:
     was = {} if level.before is None else dict(_in_commit(level.repository, level.before))
-    if level.is_working or level.is_staged:
-        now = dict(_in_index(level.repository))
+    if level.is_working or level.index is not None:
+        now = dict(_in_index(level.repository, level.index))
     else:
         now = {} if level.after is None else dict(_in_commit(level.repository, level.after))
     for path in sorted(was.keys() | now.keys()):
@@ -74,7 +81,7 @@ def _fill(level: _Level, made: Submodules) -> None:
                 made.repositories.append(module)
         is_working = level.is_working and new is not None
         inner = _Level(folders[1] if is_working else module, f"{name}/", folders, old, new, is_working)
-        nothing = git(module, "hash-object", "-t", "tree", "/dev/null").strip()
+        nothing = empty_tree(module)
         between = [old or nothing] if is_working else [old or nothing, new or nothing]
         made.changes += [_below(name, change) for change in changes(inner.repository, between, untracked=is_working)]
         _fill(inner, made)
@@ -132,8 +139,8 @@ def _in_commit(repository: Path, commit: str) -> Iterator[tuple[str, str]]:
             yield path, facts.split()[2]
 
 
-def _in_index(repository: Path) -> Iterator[tuple[str, str]]:
-    for row in git(repository, "ls-files", "--stage", "-z").split("\0"):
+def _in_index(repository: Path, index: Path | None) -> Iterator[tuple[str, str]]:
+    for row in git(repository, "ls-files", "--stage", "-z", index=index).split("\0"):
         facts, _, path = row.partition("\t")
         if facts.startswith(GITLINK):
             yield path, facts.split()[1]
