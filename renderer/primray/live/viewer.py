@@ -374,9 +374,8 @@ class Viewer:
 
     def _refine(self, spp: int) -> bool:
         """Return whether the full picture reached `spp` samples per pixel, after a pause without commands."""
-        with self._news:
-            if self._news.wait_for(self._is_wanted, RESTS_S):
-                return False
+        if self._is_wanted_within(RESTS_S):
+            return False
         self._publish("rendering")
         is_look = spp < self._spp
         return self._take(Size(1.0, spp, keeps_surfaces=is_look and not self._scene.is_exact), self._is_wanted)
@@ -385,6 +384,17 @@ class Viewer:
         """Return whether there is something else to do, which needs the render to end."""
         self._answer_questions()
         return self._closed or bool(self._orders)
+
+    def _is_wanted_within(self, seconds: float) -> bool:
+        """Return whether there is something else to do by then. Questions are answered without holding the news, which whoever
+        has the stage's lock may ask for."""
+        end = time.monotonic() + seconds
+        while not self._is_wanted():
+            with self._news:
+                left = end - time.monotonic()
+                if not self._news.wait_for(lambda: self._closed or bool(self._orders or self._questions), left):
+                    return False
+        return True
 
     def _take(self, size: Size, ends: Callable[[], bool]) -> bool:
         self._begun = self._next_show = time.monotonic()

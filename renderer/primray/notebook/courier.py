@@ -104,16 +104,19 @@ class Courier:
             self._told(state)
             content = {"kind": "update", "state": brief(state), "picture": None}
             buffers: list[bytes] = []
+            number = None
             if shown is not None and shown.number != self._picture:
                 file, media_type = encoded(shown.rgba, state["phase"] == "finished")
                 content["picture"] = {"type": media_type, "token": shown.token}
                 buffers.append(file)
+                number = shown.number
             if not self._may_send(sum(map(len, buffers))):
                 return
             with self._news:
                 self._number += 1
                 self._sent_at = time.monotonic()
-                self._picture = self._picture if shown is None else shown.number
+                if number is not None:  # else a page that has come meanwhile still waits for its picture
+                    self._picture = number
             self._send({**content, "number": self._number}, buffers)
 
     def _is_due(self) -> bool:

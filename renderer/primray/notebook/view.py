@@ -192,8 +192,9 @@ class View(anywidget.AnyWidget):  # type: ignore[misc]
 
     def _sleep_unless_shown(self) -> None:
         time.sleep(GRACE_S)
-        if not self._fronts:
-            self._sleep()
+        with LOCK.released(), self._life:  # a cell that shows it from now on wakes it afterwards
+            if not self._fronts:
+                self._sleep()
 
     def _changed(self) -> None:
         courier = self._courier

@@ -15,6 +15,7 @@ import primray
 from primray.core import compiled, inputs
 from primray.core import scene as core_scene
 from primray.errors import SettingsError
+from primray.live import viewer
 from primray.live.viewed_scene import ViewedScene
 from primray.live.viewer import Ladder, Looks, Viewer
 
@@ -158,6 +159,30 @@ def test_a_click_names_what_is_there_and_interrupts_nothing(watched: Callable[[i
     one.until(finished)
     assert all(s["phase"] != "drafting" for s in one.states[before:])
     assert [s["samples"] for s in one.states[before:]] == sorted(s["samples"] for s in one.states[before:])
+
+
+def test_a_click_that_waits_for_the_stage_keeps_no_news(
+    watched: Callable[[int], Watched], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A notebook's cell holds the stage while it asks the viewer: each would wait for the other."""
+    asked, is_free = threading.Event(), threading.Event()
+
+    def select(scene: ViewedScene, x: float, y: float) -> None:
+        asked.set()
+        assert is_free.wait(60)
+
+    monkeypatch.setattr(ViewedScene, "select", select)
+    monkeypatch.setattr(viewer, "RESTS_S", 60.0)
+    one = watched(8)
+    one.until(lambda s: s.get("samples") == 2.0 and s["doing"] is None)
+    one.viewer.tell({"do": "select", "x": 0.5, "y": 0.5})
+    assert asked.wait(60)
+    asking = threading.Thread(target=one.viewer.edited, daemon=True)
+    asking.start()
+    asking.join(10)
+    is_asking = asking.is_alive()
+    is_free.set()
+    assert not is_asking
 
 
 def test_moves_that_wait_are_one_step_whose_time_is_told(watched: Callable[[int], Watched]) -> None:

@@ -86,6 +86,31 @@ def test_a_picture_is_sent_once_but_again_to_a_page_that_comes(sent: Sent) -> No
     assert len(sent.messages[-1][1]) == 1
 
 
+def test_a_page_that_comes_while_news_are_sent_gets_the_picture(sent: Sent, monkeypatch: pytest.MonkeyPatch) -> None:
+    sent.picture(1)
+    sent.until(1)
+    while not sent.messages[-1][1]:
+        sent.courier.drawn(sent.messages[-1][0]["number"])
+        sent.until(len(sent.messages))
+    came = list[int]()
+
+    def delay(size: int, now: float) -> float:
+        if not came:
+            came.append(size)
+            sent.courier.begin_again()
+        return 0.0
+
+    monkeypatch.setattr(module, "ALLOWANCE", SimpleNamespace(delay=delay))
+    first = len(sent.messages)
+    sent.courier.drawn(sent.messages[-1][0]["number"])
+    sent.courier.changed()
+    sent.until(first + 1)
+    assert came == [0]
+    sent.courier.drawn(sent.messages[first][0]["number"])
+    sent.until(first + 2)
+    assert len(sent.messages[first + 1][1]) == 1
+
+
 def test_what_nobody_draws_is_taken_for_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "PATIENCE_S", 0.05)
     made = Sent()

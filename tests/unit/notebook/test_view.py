@@ -291,6 +291,18 @@ def test_a_view_that_no_cell_shows_sleeps(page: Page) -> None:
     assert np.allclose(page.view.camera.world_from_camera, camera.world_from_camera)
 
 
+def test_a_view_that_is_shown_again_stays_awake(page: Page) -> None:
+    """The thread that was about to end it looks again."""
+    page.say(kind="shown", front="a")
+    page.view.wait()
+    with page.view._life:
+        page.say(kind="gone", front="a")
+        time.sleep(0.2)
+        page.say(kind="shown", front="b")
+    until(lambda: not any(thread.name == "sleep" for thread in threading.enumerate()))
+    assert page.command(do="tumble", across=0.1) is None
+
+
 def test_a_view_that_is_closed_frees_all(stage: Path) -> None:
     view = View(stage, resolution=(48, 32), spp=4)
     page = Page(view)
