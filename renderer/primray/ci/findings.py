@@ -142,7 +142,7 @@ def comment(found: Findings, link: str = "") -> str:
     text = ""
     for part in parts:
         longer = f"{text}\n\n{part}" if text else part
-        if len((longer + ending).encode()) >= LONGEST_COMMENT:
+        if len((longer + ending).encode(errors="backslashreplace")) >= LONGEST_COMMENT:
             return text + ending + "\n"
         text = longer
     return text + "\n"

@@ -58,6 +58,7 @@ def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
         start()
         arguments = translate_foreign_flags(arguments)
         verbose = "-V" in arguments or "--verbose" in arguments
+        _check_are_text(arguments)
         _call(arguments)
     except SystemExit as end:
         if _is_interrupt(end):
@@ -69,7 +70,7 @@ def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
     except PrimrayError as error:
         return _fail(error, verbose, as_json)
     except Exception as error:
-        if isinstance(error, OSError) and (known := _too_long(error)) is not None:
+        if isinstance(error, OSError) and (known := _known(error)) is not None:
             return _fail(known, verbose, as_json)
         if not verbose:
             from ..core.native import unexpected
@@ -79,11 +80,21 @@ def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
     return 0
 
 
-def _too_long(error: OSError) -> PrimrayError | None:
-    """Return the error of a file name that is longer than file systems allow, or None for other errors."""
-    from ..images.output_path import too_long
+def _check_are_text(arguments: list[str]) -> None:
+    """Raise SettingsError for an argument that is not UTF-8: the libraries that read and write files take no such names."""
+    for word in arguments:
+        if not word.isascii() and any("\ud800" <= letter <= "\udfff" for letter in word):
+            from ..errors import SettingsError
 
-    return too_long(error, str(error.filename or ""))
+            raise SettingsError("an argument is not valid UTF-8", where=word, code="not-utf8")
+
+
+def _known(error: OSError) -> PrimrayError | None:
+    """Return the error of a file name that is longer than file systems allow, or of a full disk; None for other errors."""
+    from ..images.output_path import not_written, too_long
+
+    where = str(error.filename or "")
+    return too_long(error, where) or not_written(error, where)
 
 
 def _is_interrupt(end: SystemExit) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import sys
 import threading
 from collections.abc import Iterable
@@ -18,7 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from ..content_hash import hash_of_file
-from ..images.image import write_text
+from ..errors import PrimrayError
+from ..images.image import replacing, write_text
 from ..images.output_path import make_folder
 from .sheet_renders import Limits, Outcome, Render, render_stage, run_limited
 
@@ -33,10 +35,14 @@ _MISSING = "missing"
 
 
 class KeptOutcomes:
-    """Outcomes in a folder. `found` counts those that did not have to be rendered again; `render` renders the others."""
+    """Outcomes in a folder. `found` counts those that did not have to be rendered again; `render` renders the others.
+
+    `problem` is the error of the last outcome that could not be written: it is rendered again for the next sheet.
+    """
 
     def __init__(self, folder: Path, render: Render = render_stage) -> None:
         self.found = 0
+        self.problem: PrimrayError | None = None
         self._render = render
         self._folder = folder
         self._lock = threading.Lock()
@@ -58,7 +64,10 @@ class KeptOutcomes:
         content = {file: self._digest(file) for file in files}
         outcome = self._render(folder, stage, limits, scratch)
         if files and isinstance(outcome.exit_code, int) and outcome.exit_code >= 0:  # others depend on the machine's load
-            self._write(record, picture, outcome, {"asked": asked, "files": content})
+            try:
+                self._write(record, picture, outcome, {"asked": asked, "files": content})
+            except PrimrayError as error:
+                self.problem = error
         return outcome
 
     def _read(self, record: Path, picture: Path, asked: Any) -> Outcome | None:
@@ -77,11 +86,9 @@ class KeptOutcomes:
     def _write(self, record: Path, picture: Path, outcome: Outcome, told: dict[str, Any]) -> None:
         digest = None
         if outcome.picture is not None:
-            data = Path(outcome.picture).read_bytes()
-            beside = picture.with_suffix(f".{os.getpid()}.{threading.get_ident()}")
-            beside.write_bytes(data)
-            os.replace(beside, picture)
-            digest = hashlib.sha256(data).hexdigest()
+            digest = hash_of_file(outcome.picture)
+            with replacing(picture) as beside:
+                shutil.copyfile(outcome.picture, beside)
         write_text(record, json.dumps(told | {"picture": digest, "outcome": asdict(outcome)}) + "\n")
 
     def _digest(self, file: str) -> str:

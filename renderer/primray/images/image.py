@@ -463,9 +463,9 @@ def write_png(encoded: np.ndarray[Any, Any], path: Path, *, is_quick: bool = Fal
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically."""
+    """Write a text file atomically; bytes of file names in it that are not UTF-8 are escaped."""
     with replacing(path) as temporary:
-        Path(temporary).write_text(text, encoding="utf-8")
+        Path(temporary).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def _write_exr(image: Image, path: str, encoding: Encoding) -> None:

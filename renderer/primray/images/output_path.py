@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import SettingsError
+from ..errors import PrimrayError, SettingsError
 
 
 def through_links(path: Path) -> Path:
@@ -33,6 +33,16 @@ def too_long(error: OSError, where: str) -> SettingsError | None:
     if error.errno != errno.ENAMETOOLONG:
         return None
     return SettingsError("the file name is too long for the file system", where=where, code="name-too-long")
+
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
+
+
+def not_written(error: OSError, where: str) -> PrimrayError | None:
+    """Return the error of a file for which there is no room, or that is on a file system that is only read; else None."""
+    if error.errno not in _FULL:
+        return None
+    return PrimrayError(f"the file cannot be written: {error.strerror}", where=where, code="write-failed")
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,23 @@ class Sheets:
 @pytest.fixture
 def sheets(tmp_path: Path) -> Sheets:
     return Sheets(tmp_path)
+
+
+@limits_memory
+def test_what_cannot_be_kept_is_rendered_again(sheets: Sheets, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(source: str, target: str) -> None:
+        Path(target).write_bytes(b"part")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("shutil.copyfile", full)
+        kept = KeptOutcomes(sheets.kept, sheets._render)
+        outcome = kept.render(sheets.folder, sheets.folder / "other.usda", LIMITS, tmp_path / "scratch")
+    assert outcome.picture is not None
+    assert kept.problem is not None
+    assert kept.problem.code == "write-failed"
+    assert list(sheets.kept.iterdir()) == []
+    assert sheets.sheet(tmp_path) == ["shot.usda", "other.usda"]
 
 
 @limits_memory

@@ -15,6 +15,7 @@ from primray.cli import run, sheet_pictures, sheet_renders
 from primray.cli.sheet_pictures import _fits, _lines, contact_sheet, reason
 from primray.cli.sheet_renders import Ended, Limits, Outcome, grid_of, render_cells, variant_choices
 from primray.errors import SettingsError
+from primray.images.image import write_text
 
 STAGE = """#usda 1.0
 def Xform "Asset" (
@@ -229,3 +230,9 @@ def test_labels_keep_what_tells_pictures_apart() -> None:
     assert shown[0][1].endswith("left_eye")
     assert all(_fits(line, 96, 13) for lines in shown for line in lines)
     assert _lines(Outcome("frame 1, cam", 0, 1.0, 0, None, "", ()), 256) == ["frame 1, cam"]
+
+
+def test_a_page_names_files_that_are_no_text(tmp_path: Path) -> None:
+    outcome = Outcome("s\udcff.usda", 2, 0.1, 5, None, "error: not-utf8: [s\udcff.usda]", ("refused",))
+    write_text(tmp_path / "sheet.html", sheet_pictures.page("1 stage", [outcome]))
+    assert 'id="s\\udcff.usda"' in (tmp_path / "sheet.html").read_text(encoding="utf-8")

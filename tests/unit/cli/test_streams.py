@@ -3,6 +3,7 @@ as it would."""
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import subprocess
@@ -10,6 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from primray import cli
 
 SCENE = '#usda 1.0\ndef Sphere "s" {}\ndef Camera "kamera" {}\n'
 LIMITED = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192)); from primray.cli import main; main()"
@@ -85,7 +88,23 @@ def test_names_that_are_no_text() -> None:
     done = primray("render", "s.usda", *SMALL, "-o", os.fsdecode(b"s\xff.exr"), "--json")
     assert done.returncode == 2
     assert json.loads(done.stdout)["where"] == os.fsdecode(b"s\xff.exr")
-    assert done.stderr == "error: output-name: the output's name is not valid UTF-8 [s\\udcff.exr]\n"
+    assert done.stderr == "error: not-utf8: an argument is not valid UTF-8 [s\\udcff.exr]\n"
+
+
+@pytest.mark.parametrize("command", ["render", "inspect", "doctor", "estimate", "thumbnail", "sheet", "view", "compare", "ci"])
+def test_arguments_that_are_no_text(command: str) -> None:
+    done = primray(command, os.fsdecode(b"s\xff.usda"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: not-utf8: an argument is not valid UTF-8 [s\\udcff.usda]\n"
+
+
+def test_a_full_disk_is_no_bug_of_primray(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def full(arguments: list[str]) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "place")
+
+    monkeypatch.setattr(cli, "_call", full)
+    assert cli.run(["inspect", "s.usda"]) == 1
+    assert capsys.readouterr().err == "error: write-failed: the file cannot be written: No space left on device [place]\n"
 
 
 def test_a_disk_that_is_full_indeed_ends_no_sequence() -> None:

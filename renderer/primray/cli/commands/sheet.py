@@ -205,6 +205,8 @@ def _sheet_of_folder(
     odd = sum(bool(outcome.marks) for outcome in outcomes) - failed
     same = "" if kept is None else f", {kept.found} unchanged"
     print(f"{output}: {len(outcomes)} stages, {failed} failed, {odd} odd{same}")
+    if kept is not None and kept.problem is not None:
+        print(f"warning: some outcomes are not kept: {kept.problem}", file=sys.stderr)
     return outcomes
 
 

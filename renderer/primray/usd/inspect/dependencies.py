@@ -13,7 +13,7 @@ from ...diagnostics import Diagnostics
 from ...errors import StageOpenError
 from ..materials.materialx.documents import files_of_documents
 from ..materials.materialx.filename_tokens import files_at, has_tokens
-from ..stage.messages import FileNames, tf_message
+from ..stage.messages import FileNames, check_is_text, tf_message
 from ..stage.open import open_layer, usd_messages
 
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
@@ -139,6 +139,7 @@ def files_to_watch(path: str) -> set[str]:
     """Return absolute paths of all files that a stage's picture may change with, missing ones included; only the root's where
     layers cannot be read."""
     root = os.path.abspath(path)
+    check_is_text(root)
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         layers, assets, missing = _all_of(_file(root))

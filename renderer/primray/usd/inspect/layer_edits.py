@@ -12,6 +12,7 @@ from pxr import Sdf, Tf, Usd
 
 from ...errors import StageOpenError
 from ..stage.layer_copy import readable_layer, restored
+from ..stage.messages import check_is_text
 from ..stage.metadata import spec_field
 from ..stage.reads import authored_attributes, value_at
 from ..stage.time_varying import layer_times, sample_times
@@ -179,9 +180,9 @@ def files_named(path: str) -> tuple[set[str], set[str]]:
         if file in named:
             continue
         named.add(file)
-        if not os.path.isfile(file) or not Sdf.FileFormat.FindByExtension(file):
-            continue
         try:
+            if not os.path.isfile(file) or not _is_layer(file):
+                continue
             texts = _texts_of(readable_layer(file))
         except StageOpenError:
             unreadable.add(file)
@@ -191,6 +192,11 @@ def files_named(path: str) -> tuple[set[str], set[str]]:
             waiting += files_at(beside) if has_tokens(beside) else [_file(beside)]
     documents, not_there = files_of_documents(named)
     return named | documents | {_file(each) for each in not_there if os.path.isabs(each)}, unreadable
+
+
+def _is_layer(file: str) -> bool:
+    check_is_text(file)
+    return bool(Sdf.FileFormat.FindByExtension(file))
 
 
 def _texts_of(layer: Sdf.Layer) -> list[str]:

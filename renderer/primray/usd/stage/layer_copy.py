@@ -8,11 +8,12 @@ from contextlib import contextmanager
 from pxr import Sdf, Tf
 
 from ...errors import StageOpenError
-from .messages import tf_message
+from .messages import check_is_text, tf_message
 
 
 def readable_layer(file: str, *, where: str = "") -> Sdf.Layer:
     """Return a layer in memory with a file's content; StageOpenError, at `where` or the file, where USD cannot parse it."""
+    check_is_text(file, where=where)
     try:
         layer = Sdf.Layer.OpenAsAnonymous(file)
     except Tf.ErrorException as error:

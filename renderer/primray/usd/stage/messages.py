@@ -15,7 +15,7 @@ from typing import Any
 
 from pxr import Ar, Tf, Usd
 
-from ...errors import InvalidSceneError
+from ...errors import InvalidSceneError, StageOpenError
 from ..materials.materialx.substitute_layers import with_original_names
 
 _BREAK = re.compile(r"\s*\n\s*([;,.]?)")  # USD quotes errors that end their line in the middle of a sentence
@@ -47,6 +47,14 @@ def scene_errors() -> Iterator[None]:
         raise InvalidSceneError(f"USD cannot read the stage: {tf_message(error)}", code="damaged-stage") from error
     except UnicodeDecodeError as error:
         raise InvalidSceneError(f"The stage holds a name that is not UTF-8: {error.object!r}", code="damaged-stage") from error
+
+
+def check_is_text(path: str, *, where: str = "") -> None:
+    """Raise StageOpenError, at `where` or the path, for a path that is not UTF-8, which USD's readers fail on."""
+    try:
+        path.encode()
+    except UnicodeError:
+        raise StageOpenError("The path is not valid UTF-8, which USD needs.", where=where or path) from None
 
 
 IN_MEMORY = "a layer in memory"

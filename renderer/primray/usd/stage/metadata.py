@@ -303,7 +303,7 @@ def used_files(paths: Iterable[str]) -> set[str]:
     for path in paths:
         try:
             layer = Sdf.Layer.FindOrOpen(path)
-        except Tf.ErrorException:
+        except (Tf.ErrorException, UnicodeError):  # the path itself may not be UTF-8
             continue
         if layer is None:
             continue

@@ -22,7 +22,7 @@ from ...file_formats import WHAT_IT_IS, advice_for_file, is_pointer_file, refers
 from ..materials.materialx.references import Redirection, is_format_message, rebuild_layers, refers_to_documents
 from ..materials.materialx.substitute_layers import with_original_names
 from .composition import add_load_rules, check_population, choose_variants, note_unloaded, populate, session_over
-from .messages import FileNames, error_text, file_names, scene_errors, tf_message
+from .messages import FileNames, check_is_text, error_text, file_names, scene_errors, tf_message
 from .metadata import check_rates, is_number, layer_value, not_a_stage, note_units, note_wrong_types, wrong_rate
 from .reads import noting
 
@@ -88,6 +88,8 @@ def open_stage(
     """
     if not isinstance(source, str | os.PathLike | Usd.Stage):
         raise not_a_stage(source)
+    if not isinstance(source, Usd.Stage):
+        check_is_text(os.fspath(source))
     diagnostics.name_files(_names_of(source).in_text)
     if isinstance(source, Usd.Stage) and composition == USD_DEFAULTS and not refers_to_documents(source):
         return _noted(lambda: source, diagnostics, composition)
@@ -219,13 +221,12 @@ def root_layer(path: str) -> Sdf.Layer:
 
 def open_layer(path: str, opened: Callable[[str], Sdf.Layer | None] = Sdf.Layer.FindOrOpen) -> Sdf.Layer:
     """Open the layer; raise StageOpenError with USD's reason, or with what kind of file it is instead."""
+    check_is_text(path)
     try:
         layer = opened(path)
     except Tf.ErrorException as error:
         _check_file(path)
         raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None
-    except UnicodeError:
-        raise StageOpenError("The path is not valid text.", where=repr(path)) from None
     if layer is None:
         _check_file(path)
         missing = not os.path.exists(path) and "[" not in path

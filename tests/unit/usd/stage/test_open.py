@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ import pytest
 from pxr import Usd
 
 import primray
+from primray import usd
 from primray.diagnostics import STRICT, Diagnostics
 from primray.errors import SettingsError, StageOpenError, UnsupportedError
 from primray.settings import RenderSettings
@@ -28,6 +31,23 @@ def test_files_that_cannot_be_opened(tmp_path: Path, content: bytes | None, suff
         open_stage(path, Diagnostics())
     str(error.value).encode()
     assert error.value.exit_code == 3
+
+
+@pytest.mark.parametrize(
+    "reads", [primray.render, primray.inspect, primray.doctor, primray.estimate, usd.files_to_watch, usd.check_preview]
+)
+def test_paths_that_are_no_text(tmp_path: Path, reads: Callable[[str], object]) -> None:
+    path = tmp_path / os.fsdecode(b"s\xff.usda")
+    path.write_text("#usda 1.0\n")
+    with pytest.raises(StageOpenError, match="not valid UTF-8"):
+        reads(str(path))
+
+
+def test_a_path_that_is_no_text_is_unreadable_among_others(tmp_path: Path) -> None:
+    path = str(tmp_path / os.fsdecode(b"s\xff.usda"))
+    Path(path).write_text("#usda 1.0\n")
+    assert usd.files_named(path) == ({path}, {path})
+    assert usd.used_files([path]) == set()
 
 
 def test_missing_references_are_diagnostics_and_keep_stderr_clean(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
