@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import re
+import struct
 import textwrap
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -128,7 +129,7 @@ body { font: 14px/1.4 system-ui, sans-serif; margin: 1.5em; background: #fafafa;
 main { display: grid; grid-template-columns: repeat(auto-fill, minmax(290px, 1fr)); gap: 1em }
 figure { margin: 0; padding: .6em; background: #fff; border: 1px solid #ddd; border-radius: 6px; overflow: hidden }
 figure.failed { border: 2px solid #c00 } figure.odd { border: 2px solid #d90 }
-img { width: 100%; background: repeating-conic-gradient(#ccc 0 25%, #eee 0 50%) 0 0 / 16px 16px }
+img { width: 100%; height: auto; background: repeating-conic-gradient(#ccc 0 25%, #eee 0 50%) 0 0 / 16px 16px }
 figcaption b { overflow-wrap: anywhere } .mark { color: #c00; font-weight: bold }
 pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 11px; margin: .3em 0 0; max-height: 16em; overflow: auto }
 table { border-collapse: collapse } td { padding: 0 1em 0 0 }
@@ -186,14 +187,17 @@ def _figure(outcome: Outcome) -> str:
     marks = f"<span class=mark>{html.escape(', '.join(outcome.marks))}</span> " if outcome.marks else ""
     ended = "" if outcome.exit_code == 0 else f", exit {outcome.exit_code}"
     return (
-        f'<figure class="{kind}" id="{html.escape(outcome.stage)}">{_image(outcome.picture)}<figcaption>'
+        f'<figure class="{kind}" id="{html.escape(outcome.stage)}">{_image(outcome.stage, outcome.picture)}<figcaption>'
         f"<b>{html.escape(outcome.stage)}</b><br>{marks}{outcome.seconds:.1f} s, "
         f"{outcome.peak_rss_bytes / 2**20:.0f} MiB{ended}<pre>{html.escape(chr(10).join(text))}</pre></figcaption></figure>"
     )
 
 
-def _image(picture: str | None) -> str:
+def _image(stage: str, picture: str | None) -> str:
+    """Return a picture that has its place on the page before a browser has decoded it."""
     if picture is None:
         return ""
-    data = base64.b64encode(Path(picture).read_bytes()).decode()
-    return f'<img loading=lazy alt="" src="data:image/png;base64,{data}">'
+    data = Path(picture).read_bytes()
+    width, height = struct.unpack_from(">II", data, 16)  # a PNG's header
+    place = f'width={width} height={height} alt="{html.escape(stage)}"'
+    return f'<img loading=lazy {place} src="data:image/png;base64,{base64.b64encode(data).decode()}">'

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import OpenImageIO as oiio
 import pytest
 from tests.sanitized import limits_memory
 
@@ -107,6 +108,14 @@ def test_the_page_escapes_what_stages_say() -> None:
     assert "<script>x" not in text
     assert "<b>.usda" not in text
     assert "&lt;b&gt;.usda" in text
+
+
+def test_pictures_have_their_place_before_they_are_decoded(tmp_path: Path) -> None:
+    """A page of hundreds of stages would move below whoever scrolls it."""
+    shown = oiio.ImageBuf(oiio.ImageSpec(30, 20, 3, "uint8"))
+    assert shown.write(str(tmp_path / "a.png"))
+    text = page("a", [Outcome('"wide".usda', 0, 1.0, 2**20, str(tmp_path / "a.png"), "", (), {})])
+    assert 'width=30 height=20 alt="&quot;wide&quot;.usda"' in text
 
 
 @limits_memory
