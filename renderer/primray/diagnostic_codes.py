@@ -392,7 +392,7 @@ CODES: dict[str, Code] = {
         "More than 262,144 instances emit light: further ones are hit only by chance, which is noisy.",
         "Use more samples, or fewer emissive instances."),
     "dark-light-meter": Code(Severity.INFO, Kind.NOTE,
-        "No light at all reaches a light meter.",
+        "No sample of a light meter found light.",
         "Move it out of what it is inside of, or turn it over: it looks along -Z of its prim, or up."),
     "invalid-samples": Code(Severity.WARNING, Kind.MISSING,
         "Samples that were infinite or NaN are left out of the picture.",

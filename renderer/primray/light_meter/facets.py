@@ -2,9 +2,11 @@
 
 A Lambertian facet of albedo 1 sends back the radiance E / pi, so a picture of it is its illuminance, and is sampled as any
 other surface is: by lights, by guides, with its error from two replicates. A meter has a block of pixels, of which each is a
-picture of the same facet, or of one of the sides of a prism for a cylinder. The facets are so small that they hide and reflect
-nothing that matters; they look away from what they lie on, half a millimetre above it. Meters that are close together would see
-each other's facets, and are measured one after the other.
+picture of the same facet, or of one of the sides of an upright prism for a cylinder: these are slim facets in a stack, whose
+planes all hold the axis, so that they see each other edge-on. A prism would have its sides off the axis, and a lamp overhead
+would not light them. The facets are so small that they hide and reflect nothing that matters; they look away from what they lie
+on, half a millimetre above it. Meters that are close together would see each other's facets, and are measured one after the
+other.
 """
 
 from __future__ import annotations
@@ -24,10 +26,15 @@ from .meters import MeterKind, Meters
 BLOCK = 8  # pixels across of a meter's block
 SIDES = BLOCK * BLOCK  # of the prism that stands for a cylinder: off by at most 2 / (SIDES^2 - 1) of the light, 0.05 %
 HALF = 2.5e-4  # half the width of a facet, in metres
-COARSEST = 2e-6  # half that width over the extent of all meters, at least: lengths are floats there
+COARSEST = 2e-6  # half that width over the extent of the meters that are measured together, at least: lengths are floats there
+FARTHEST_TOGETHER = 1000.0  # metres between meters that are measured together: facets are at most 4 mm wide
+SLIM = 1 / 8  # height over width of a cylinder's facets
 PIXEL = 0.002  # of the camera, in radians: what is seen of textures and of how finely shapes are diced
 APART = 100.0  # widths of a facet between meters that are measured together
 PATH = "primray:meters"
+FACETS = SIDES // 2  # of a cylinder, each for two sides
+# Places of a cylinder's facets in their stack, scattered, so that what is seen higher up is not seen on one side only.
+_ORDER = [int(f"{k:05b}"[::-1], 2) for k in range(FACETS)]
 
 
 @dataclass(frozen=True)
@@ -54,6 +61,14 @@ def half_width(positions: Doubles, meters_per_unit: float) -> float:
     return max(HALF / meters_per_unit, COARSEST * extent)
 
 
+def clusters(positions: Doubles, extent: float) -> list[list[int]]:
+    """Return the numbers of positions (N, 3) by cubes with this edge, which begin at the lowest corner of all."""
+    found: dict[tuple[int, ...], list[int]] = {}
+    for k, cell in enumerate(map(tuple, np.floor((positions - positions.min(axis=0)) / extent).tolist())):
+        found.setdefault(cell, []).append(k)
+    return list(found.values())
+
+
 def groups_apart(positions: Doubles, least: float) -> list[list[int]]:
     """Return the numbers of positions (N, 3) in groups, within which any two are at least `least` apart."""
     groups: list[list[int]] = []
@@ -78,7 +93,7 @@ def _is_free(
 
 
 def facets_of(meters: Meters, half: float) -> Facets:
-    """Return the facets of light meters, whose width is twice `half`: a plane's at its meter, a cylinder's around it."""
+    """Return the facets of light meters, whose width is twice `half`: a plane's at its meter, a cylinder's stacked above it."""
     positions = meters.positions()
     origin = positions[0]
     directions = meters.directions()
@@ -87,10 +102,13 @@ def facets_of(meters: Meters, half: float) -> Facets:
     for k, meter in enumerate(meters.meters):
         middle = positions[k] - origin
         if meter.kind is MeterKind.CYLINDRICAL:
-            angles = 2 * np.pi * (np.arange(SIDES) + 0.5) / SIDES
+            # Opposite sides of the prism are both faces of one facet.
+            angles = 2 * np.pi * np.arange(SIDES) / SIDES
             out = np.cos(angles)[:, None] * u[k] + np.sin(angles)[:, None] * v[k]
-            aside = np.cross(directions[k], out)
-            corners[k] = _squares(middle + half / math.tan(math.pi / SIDES) * out, aside, directions[k], half)
+            aside = np.cross(directions[k], out[:FACETS])
+            heights = half + 2 * half * SLIM * (np.array(_ORDER) + 0.5)
+            middles = middle + heights[:, None] * directions[k]
+            corners[k] = np.tile(_squares(middles, aside, SLIM * directions[k], half), (2, 1, 1))
             normals[k] = out
         else:
             # Above the plane that the meter may lie on, by its own width.
@@ -118,7 +136,7 @@ def with_facets(description: SceneDescription, facets: Facets) -> SceneDescripti
     """Return the scene with the facets as one mesh of a white Lambertian surface."""
     planes = np.arange(facets.corners.shape[0])
     alike = (facets.corners == facets.corners[:, :1]).all(axis=(1, 2, 3))  # all facets of a plane are one
-    squares = np.concatenate([facets.corners[k, : 1 if alike[k] else SIDES] for k in planes])
+    squares = np.concatenate([facets.corners[k, : 1 if alike[k] else FACETS] for k in planes])
     first = 4 * np.arange(len(squares))[:, None, None]
     triangles = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3).astype(np.int32)
     mesh = Mesh(PATH, squares.reshape(-1, 3).astype(np.float32), triangles, None, None, len(description.surfaces))
@@ -163,6 +181,7 @@ def camera_of(facets: Facets) -> tuple[Camera, tuple[int, int]]:
         window=table.window,
         clipping_range=(0.0, FARTHEST),
         distortion=Distortion(DistortionModel.RAYS, (), 180.0, table),
+        pixels_follow_window=True,
     )
     return camera, (BLOCK * columns, BLOCK * rows)
 

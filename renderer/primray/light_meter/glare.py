@@ -27,11 +27,12 @@ from ..color.color_space import luminance_weights
 from ..errors import SettingsError
 from ..lens.distortion import Distortion, DistortionModel
 from ..render.prepare import OpenedStage, open_once
-from ..render.render import rendered_frames, with_setting_names
+from ..render.render import with_setting_names
 from ..sampling.error import Z95
 from ..settings import Filter, RenderSettings, with_values
 from .measuring import measure
 from .meters import CODE, LightMeter, Vector
+from .pictures import picture_of_light, settings_of_light
 from .readings import Reading
 
 if TYPE_CHECKING:
@@ -141,10 +142,11 @@ def rate_glare(
     from ..diagnostics import Diagnostics
 
     settings = with_values(settings, values)
+    settings_of_light(settings)  # checks them
     if not (isinstance(pixels, int) and 16 <= pixels <= 8192):
         raise SettingsError(f"a picture for glare has 16 to 8192 pixels across, not {pixels}", where="pixels", code=CODE)
-    if threshold is not None and not threshold > 0:
-        raise SettingsError(f"a threshold is above 0, not {threshold}", where="threshold", code=CODE)
+    if threshold is not None and not (isinstance(threshold, int | float) and threshold > 0):
+        raise SettingsError(f"a threshold is above 0, not {threshold!r}", where="threshold", code=CODE)
     meter = LightMeter("eye", position, direction)
     opened = stage if isinstance(stage, OpenedStage) else open_once(stage, settings)
     if up is None:
@@ -153,18 +155,21 @@ def rate_glare(
     assert meter.direction is not None
     place = looking_at(meter.position, np.add(meter.position, meter.direction), up)
     asked = replace(
-        settings, camera=_fisheye(place), resolution=(pixels, pixels), aovs=(), denoise=False, adaptive=False, filter=Filter.BOX
+        settings_of_light(settings),
+        camera=_fisheye(place),
+        resolution=(pixels, pixels),
+        filter=Filter.BOX,
+        spp=SAMPLES if settings.spp is None else settings.spp,
     )
-    asked = replace(asked, spp=SAMPLES if settings.spp is None else settings.spp)
-    [image] = rendered_frames(opened, [asked], progress=False)
-    return rating_of(image, place, lit.readings[0], threshold)
+    return rating_of(picture_of_light(opened, asked), place, lit.readings[0], threshold)
 
 
 def _fisheye(place: Doubles) -> Camera:
     """Return an equidistant fisheye of all directions in front."""
     half = math.pi / 2
     lens = Distortion(DistortionModel.ANGLE_TO_RADIUS, (1.0, 0.0, 0.0, 0.0, 0.0), 90.0)
-    return Camera("", place, Projection.PERSPECTIVE, (-half, half, -half, half), (0.0, FARTHEST), distortion=lens)
+    window = (-half, half, -half, half)
+    return Camera("", place, Projection.PERSPECTIVE, window, (0.0, FARTHEST), distortion=lens, pixels_follow_window=True)
 
 
 def rating_of(image: Image, place: Doubles, lit: Reading, threshold: float | None) -> GlareRating:

@@ -15,9 +15,9 @@ from ..color.color_space import luminance_weights
 from ..errors import SettingsError
 from ..images.image import Image
 from ..render.prepare import OpenedStage, open_once
-from ..render.render import rendered_frames
 from ..settings import RenderSettings
 from .meters import CODE
+from .pictures import picture_of_light, settings_of_light
 
 WIDTH = 640  # pixels
 SAMPLES = 64
@@ -58,7 +58,7 @@ def luminance_pictures(
 ) -> list[LuminancePicture]:
     """Return pictures of cameras, by path; "all": of all that the stage has, or of the automatic one where it has none.
 
-    The width is 640 pixels where the settings have no resolution, `spp` by default 64.
+    The width is 640 pixels where the settings have no resolution, `spp` by default 64. An exposure of the camera has no effect.
     """
     opened = stage if isinstance(stage, OpenedStage) else open_once(stage, settings)
     known = usd.camera_paths(opened.stage)
@@ -68,24 +68,19 @@ def luminance_pictures(
             has = f"the stage has {', '.join(known)}" if known else "the stage has none"
             raise SettingsError(f"there is no camera {camera}; {has}", where=camera, code=CODE)
         named += (known or [None]) if camera == ALL else [camera]
-    asked = [
-        replace(
-            settings,
-            camera=camera,
-            resolution=settings.resolution or (WIDTH, 0),
-            spp=SAMPLES if settings.spp is None else settings.spp,
-            aovs=(),
-            denoise=False,
-        )
-        for camera in dict.fromkeys(named)
-    ]
-    return [_of(image) for image in rendered_frames(opened, asked, progress=False)]
+    asked = replace(
+        settings_of_light(settings),
+        resolution=settings.resolution or (WIDTH, 0),
+        spp=SAMPLES if settings.spp is None else settings.spp,
+    )
+    return [_of(picture_of_light(opened, replace(asked, camera=camera))) for camera in dict.fromkeys(named)]
 
 
 def _of(image: Image) -> LuminancePicture:
     weights = np.array(luminance_weights(image.color_space))
     luminance = np.maximum(np.asarray(image.pixels[..., :3], np.float64) @ weights, 0.0)
     # R, G and B share their noise, so their errors add.
-    errors = np.zeros_like(luminance) if image.errors is None else np.nan_to_num(np.asarray(image.errors, np.float64)) @ weights
+    assert image.errors is not None
+    errors = np.asarray(image.errors, np.float64) @ weights
     camera = "" if image.camera is None else image.camera.path
     return LuminancePicture(camera or "the automatic camera", luminance, errors)

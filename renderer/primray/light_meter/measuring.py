@@ -11,18 +11,31 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from .. import usd
+from ..arrays import Doubles
 from ..description import SceneDescription
 from ..diagnostics import Diagnostics
-from ..errors import SettingsError
+from ..errors import RenderCancelled, SettingsError
 from ..render.interruption import interruption
-from ..render.prepare import OpenedStage, Steps, Textures, open_once, prepare
+from ..render.prepare import OpenedStage, Textures, open_once, prepare
 from ..render.render import with_setting_names
 from ..report.report import Costs
 from ..sampling.sampling import Sampling
-from ..settings import RenderSettings, StudioLight, with_values
-from ..settings.stage_settings import NOTHING_ASKED
-from .facets import APART, SIDES, Facets, camera_of, dicing_camera, facets_of, groups_apart, half_width, with_facets
+from ..settings import RenderSettings, with_values
+from .facets import (
+    APART,
+    FARTHEST_TOGETHER,
+    SIDES,
+    Facets,
+    camera_of,
+    clusters,
+    dicing_camera,
+    facets_of,
+    groups_apart,
+    half_width,
+    with_facets,
+)
 from .meters import CODE, LightMeter, MeterGrid, MeterKind, Meters, as_vector
+from .pictures import LightSteps, require_both_halves, settings_of_light
 from .readings import GridReading, Measured, Precision, PrecisionJudge, Reading, grids_of, readings_of
 from .sky import OUTSIDE, under_overcast_sky
 
@@ -33,19 +46,6 @@ if TYPE_CHECKING:
     from ..settings.written import SettingsValues
 
 MOST_SAMPLES = 1 << 16  # of each of a meter's pixels
-# What a measurement decides itself.
-OWN = (
-    "camera",
-    "resolution",
-    "aovs",
-    "target_error",
-    "adaptive",
-    "denoise",
-    "stop_at",
-    "sample_range",
-    "filter",
-    "filter_width",
-)
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,10 @@ class Measurement:
     report: Mapping[str, Any]
 
     def __getitem__(self, name: str) -> Reading:
-        return next(reading for reading in self.readings if reading.meter.name == name)
+        found = next((reading for reading in self.readings if reading.meter.name == name), None)
+        if found is None:
+            raise KeyError(name)
+        return found
 
     @property
     def met(self) -> bool:
@@ -85,15 +88,15 @@ class Measurement:
         }
 
 
-class _MeterSteps(Steps):
-    """The steps of a render, with facets for the meters in the scene, and under the overcast sky if that is asked for."""
+class _MeterSteps(LightSteps):
+    """The steps of a picture of light, with facets for the meters in the scene, and under the overcast sky if that is asked."""
 
     def __init__(self, facets: Facets, *, is_overcast: bool) -> None:
         self._facets, self._is_overcast = facets, is_overcast
 
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
         description, told = super().translate(stage, settings)
-        return with_facets(replace(description, asked=NOTHING_ASKED), self._facets), told
+        return with_facets(description, self._facets), told
 
     def load_textures(
         self, description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings
@@ -134,27 +137,27 @@ def measure(
 
     Readings are lux where the stage's lights are photometric: UsdLux's unit of radiance is a nit. Meters that get less than a
     thousandth of what the brightest gets need only as many lux of precision as if they got that much. Fields of RenderSettings
-    may be given by name: `spp` is the most samples of each of a meter's 64 pixels (65,536), `time_limit_s` the most seconds.
-    Those of the camera and the picture have no effect, nor have the render settings of the stage.
+    may be given by name: `spp` is the most samples of each of a meter's 64 pixels (65,536; at least 2), `time_limit_s` the most
+    seconds. Those of the camera and the picture have no effect, nor have the render settings of the stage.
 
-    Raises SettingsError, SceneError or LimitError as `primray.render` does; KeyboardInterrupt where Ctrl-C stops it.
+    Raises SettingsError, SceneError or LimitError as `primray.render` does, LimitError also where the time limit leaves a meter
+    without a reading; KeyboardInterrupt where Ctrl-C stops it.
     """
     settings = with_values(settings, values)
-    if not 0 < maintenance_factor <= 1:
-        raise SettingsError(f"a maintenance factor is above 0, at most 1, not {maintenance_factor}", code=CODE)
+    if not (isinstance(maintenance_factor, int | float) and 0 < maintenance_factor <= 1):
+        raise SettingsError(f"a maintenance factor is above 0, at most 1, not {maintenance_factor!r}", code=CODE)
     Precision(target)  # checks it before the stage is opened
     found = stage if isinstance(stage, OpenedStage) else open_once(stage, settings)
     opened, opening, diagnostics, costs = found.stage, found.diagnostics, Diagnostics(), Costs()
     costs.stages_s["open"] = found.seconds
     authored = usd.authored_meters(opened, settings.time_code, diagnostics)
-    given = [_of_prim(one) for one in authored.meters] if meters is None else list(meters)
+    given = [_of_prim(one) for one in authored.meters] if meters is None else meters
     meters_of_all = Meters.of(given, authored.meters_per_unit, authored.up)
     positions = meters_of_all.positions()
     precision = Precision(target, of_mean, simultaneous, len(positions))
-    half = half_width(positions, authored.meters_per_unit)
-    groups = groups_apart(positions, 2 * APART * half)
     measured, passes = Measured.none(len(positions)), []
-    for number, group in enumerate(groups):
+    groups = _groups(positions, authored.meters_per_unit)
+    for number, (group, half) in enumerate(groups):
         meters_here = Meters(tuple(meters_of_all.meters[k] for k in group), meters_of_all.up)
         facets = facets_of(meters_here, half)
         told = diagnostics if number == 0 else Diagnostics()  # all groups are told the same
@@ -177,33 +180,40 @@ def measure(
     )
 
 
+def _groups(positions: Doubles, meters_per_unit: float) -> list[tuple[list[int], float]]:
+    """Return the numbers of meters that are measured together, and half the width of their facets in scene units."""
+    found = []
+    for near in clusters(positions, FARTHEST_TOGETHER / meters_per_unit):
+        half = half_width(positions[near], meters_per_unit)
+        found += [([near[k] for k in group], half) for group in groups_apart(positions[near], 2 * APART * half)]
+    return found
+
+
 def _asked(settings: RenderSettings, facets: Facets) -> RenderSettings:
     """Return the settings of a picture of the facets."""
     camera, resolution = camera_of(facets)
-    plain = RenderSettings()
+    asked = settings_of_light(settings)
     return replace(
-        replace(settings, **{name: getattr(plain, name) for name in OWN}),
+        asked,
         camera=camera,
         resolution=resolution,
         dicing_camera=dicing_camera(facets, resolution),
-        spp=MOST_SAMPLES if settings.spp is None else settings.spp,
-        denoise=False,
-        adaptive=False,
+        spp=MOST_SAMPLES if asked.spp is None else asked.spp,
         filter_width=0.5,
-        motion_blur=False,
-        studio_light=StudioLight.OFF,
-        default_light=False,
     )
 
 
 def _sampled(prepared: Prepared, judge: PrecisionJudge, costs: Costs, progress: Callable[[float, int, int], bool]) -> Sampling:
-    """Return the sampling of a picture of facets, which has ended; KeyboardInterrupt where it was interrupted."""
+    """Return the sampling of a picture of facets, which has ended."""
     with costs.stage("render"), interruption() as signal:
         sampling = Sampling.begin(prepared.scene, prepared.settings)
         sampling.judge_by = judge
         sampling.run(lambda fraction, samples, rays: not signal.asked and progress(fraction, samples, rays))
-    if signal.asked or (sampling.stop is not None and sampling.stop.reason == "interrupted"):
+    if signal.asked:
         raise KeyboardInterrupt
+    if sampling.stop is not None and sampling.stop.reason == "interrupted":
+        raise RenderCancelled("the measurement was stopped by its progress callback")
+    require_both_halves(sampling)
     return sampling
 
 
@@ -213,8 +223,10 @@ def _shown(progress: Progress | None, number: int, of: int, fraction: float, sam
 
 def _of_prim(one: usd.AuthoredMeter) -> LightMeter | MeterGrid:
     """Return the meter of a prim, which looks along its -Z."""
-    x, y, origin = (one.world_from_prim[:3, k] for k in (0, 1, 3))
+    x, y, z, origin = one.world_from_prim[:3].T
     look = -np.cross(x, y)
+    if look @ z > 0:  # mirrored
+        look = -look
     if not np.any(look):
         raise SettingsError("a light meter's prim is flat: its matrix is singular", where=one.path, code=CODE)
     is_upright = one.kind == MeterKind.CYLINDRICAL.value
@@ -236,11 +248,12 @@ def _of_prim(one: usd.AuthoredMeter) -> LightMeter | MeterGrid:
 
 
 def _note_darkness(readings: Sequence[Reading], diagnostics: Diagnostics) -> None:
-    """Tell of meters that no light reaches: in the dark, or inside of something."""
-    dark = [reading.meter.name for reading in readings if reading.high == 0]
+    """Report meters for which no sample found light: in the dark, or inside of something."""
+    dark = [reading.meter.name for reading in readings if reading.value == 0]
     if dark:
         more = f" and {len(dark) - 1} more" if len(dark) > 1 else ""
-        message = f"No light reaches {dark[0]}{more}: it is dark there, or the meter is inside of something or faces it."
+        place = "it is dark there, or the meter is inside of something or faces it"
+        message = f"No sample found light at {dark[0]}{more}: {place}."
         diagnostics.add("dark-light-meter", "", message)
 
 

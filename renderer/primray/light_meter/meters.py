@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import operator
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -21,6 +22,7 @@ CODE = "light-meter"
 BORDER = 0.5  # metres along the walls that EN 12464-1 leaves out
 WIDEST = 10.0  # metres between points, at most
 MOST_POINTS = 100_000
+FARTHEST = 1e12  # of a position from the world's origin, in scene units: what is there is not drawn
 Vector = tuple[float, float, float]
 
 
@@ -57,6 +59,7 @@ class LightMeter:
     grid: str = ""  # the grid that it is one of
 
     def __post_init__(self) -> None:
+        _check_name(self.name)
         object.__setattr__(self, "position", _vector(self.position, self.name, "position"))
         if self.direction is not None:
             object.__setattr__(self, "direction", _unit(self.direction, self.name))
@@ -86,18 +89,18 @@ class MeterGrid:
     kind: MeterKind = MeterKind.ILLUMINANCE
 
     def __post_init__(self) -> None:
+        _check_name(self.name)
         for part in ("corner", "across", "along"):
             object.__setattr__(self, part, _vector(getattr(self, part), self.name, part))
         object.__setattr__(self, "kind", _kind(self.kind, self.name))
         if np.linalg.norm(np.cross(self.across, self.along)) == 0:
             raise SettingsError("a grid's sides must span a plane", where=self.name, code=CODE)
-        if self.border is not None and not (math.isfinite(self.border) and self.border >= 0):
-            raise SettingsError(f"a border is 0 or more, not {self.border}", where=self.name, code=CODE)
+        if self.direction is not None:
+            object.__setattr__(self, "direction", _unit(self.direction, self.name))
+        if self.border is not None and not (_is_number(self.border) and self.border >= 0):
+            raise SettingsError(f"a border is 0 or more, not {self.border!r}", where=self.name, code=CODE)
         if self.counts is not None:
-            counts = tuple(self.counts)
-            if len(counts) != 2 or not all(isinstance(n, int) and n > 0 for n in counts):
-                raise SettingsError(f"counts are two numbers above 0, not {self.counts}", where=self.name, code=CODE)
-            object.__setattr__(self, "counts", counts)
+            object.__setattr__(self, "counts", _counts(self.counts, self.name))
 
     def meters(self, *, meters_per_unit: float = 1.0, up: Vector = (0.0, 1.0, 0.0)) -> list[LightMeter]:
         """Return the grid's meters, row by row along `along`, named NAME[i,j] by their place along `across` and `along`."""
@@ -148,7 +151,13 @@ class Meters:
     def of(cls, given: Iterable[LightMeter | MeterGrid], meters_per_unit: float, up: Vector) -> Meters:
         """Return all meters of grids and single ones. SettingsError: two of the same name, or none at all."""
         found: list[LightMeter] = []
+        if isinstance(given, LightMeter | MeterGrid):
+            given = [given]
+        if not isinstance(given, Iterable):
+            raise SettingsError(f"light meters are LightMeter or MeterGrid, not {given!r}", where="meters", code=CODE)
         for one in given:
+            if not isinstance(one, LightMeter | MeterGrid):
+                raise SettingsError(f"a light meter is a LightMeter or a MeterGrid, not {one!r}", where="meters", code=CODE)
             found += one.meters(meters_per_unit=meters_per_unit, up=up) if isinstance(one, MeterGrid) else [one]
         if not found:
             raise SettingsError("there are no light meters: name points or grids, or put them on the stage", code=CODE)
@@ -223,15 +232,37 @@ def _vector(value: Any, name: str, part: str) -> Vector:
         found = np.zeros(0)
     if found.shape != (3,) or not np.isfinite(found).all():
         raise SettingsError(f"{part} must be three finite numbers, not {value!r}", where=name, code=CODE)
+    if part != "direction" and np.abs(found).max() > FARTHEST:
+        raise SettingsError(f"{part} must be within {FARTHEST:g} of the origin, not {value!r}", where=name, code=CODE)
     return as_vector(found)
 
 
 def _unit(value: Any, name: str) -> Vector:
     found = np.array(_vector(value, name, "direction"))
-    size = float(np.linalg.norm(found))
-    if size == 0:
+    largest = float(np.abs(found).max())
+    if largest == 0:
         raise SettingsError("a direction must not be 0", where=name, code=CODE)
-    return as_vector(found / size)
+    found /= largest  # whose squares are finite
+    return as_vector(found / np.linalg.norm(found))
+
+
+def _check_name(name: Any) -> None:
+    if not isinstance(name, str):
+        raise SettingsError(f"a light meter's name is a text, not {name!r}", where="name", code=CODE)
+
+
+def _counts(value: Any, name: str) -> tuple[int, int]:
+    try:
+        columns, rows = (operator.index(n) for n in value)
+    except (TypeError, ValueError):
+        columns = rows = 0
+    if columns < 1 or rows < 1:
+        raise SettingsError(f"counts are two numbers above 0, not {value}", where=name, code=CODE)
+    return columns, rows
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
 
 
 def as_vector(value: npt.ArrayLike) -> Vector:

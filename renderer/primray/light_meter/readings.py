@@ -2,6 +2,9 @@
 
 The estimate of a meter is the mean over its pixels of (A + B) / 2, whose variance is the sum of ((A - B) / 2)^2 over their
 number squared: replicates and pixels are independent. Its freedom is Welch and Satterthwaite's, since few pixels may rule it.
+
+Where no sample of a meter found light, its two halves agree, and that proves nothing: paths of a share of 3 / n are missed by n
+samples with a chance of 5 %. Its interval ends at what such paths give if each brings what the brightest meter reads.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from statistics import NormalDist
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..arrays import Doubles
 from ..color.color_space import luminance_weights
@@ -21,6 +25,8 @@ from ..sampling.sampling import Sampling
 from .facets import SIDES, by_meter
 from .meters import CODE, LightMeter
 
+UNSEEN = 3.0  # over n: the share of paths that n samples miss with a chance of 5 %
+USUAL_TARGET = 0.02
 DARK = 1e-3  # of the largest reading: what is darker is asked for as if it were as bright as that
 
 
@@ -82,8 +88,8 @@ class Precision:
     count: int = 1  # of all meters
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.target) and 0 < self.target < 1):
-            raise SettingsError(f"the precision is a share between 0 and 1, not {self.target}", where="target", code=CODE)
+        if not (isinstance(self.target, int | float) and 0 < self.target < 1):
+            raise SettingsError(f"the precision is a share between 0 and 1, not {self.target!r}", where="target", code=CODE)
 
     @property
     def z(self) -> float:
@@ -93,11 +99,12 @@ class Precision:
 
 @dataclass(frozen=True)
 class Measured:
-    """Estimates of N meters and their errors: `values` (N,) and `deviations` (N,), `freedom` (N,)."""
+    """Estimates of N meters and their errors: `values`, `deviations`, `freedom` and the number of `samples`, each (N,)."""
 
     values: Doubles
     deviations: Doubles
     freedom: Doubles
+    samples: Doubles
 
     @classmethod
     def of(cls, sampling: Sampling, count: int) -> Measured:
@@ -109,33 +116,43 @@ class Measured:
         squares = (0.5 * (a - b)) ** 2
         total = squares.sum(axis=1)
         freedom = np.where(total > 0, total**2 / np.maximum((squares**2).sum(axis=1), 1e-300), SIDES)
-        return cls((0.5 * (a + b)).mean(axis=1), np.sqrt(total) / SIDES, freedom)
+        samples = np.maximum(by_meter(film.counts.sum(axis=0), count).sum(axis=1), 1).astype(np.float64)
+        return cls((0.5 * (a + b)).mean(axis=1), np.sqrt(total) / SIDES, freedom, samples)
 
     @classmethod
     def none(cls, count: int) -> Measured:
-        return cls(np.zeros(count), np.zeros(count), np.full(count, float(SIDES)))
+        return cls(np.zeros(count), np.zeros(count), np.full(count, float(SIDES)), np.ones(count))
 
     def put(self, rows: list[int], measured: Measured) -> None:
         """Set some meters."""
         self.values[rows], self.deviations[rows] = measured.values, measured.deviations
-        self.freedom[rows] = measured.freedom
+        self.freedom[rows], self.samples[rows] = measured.freedom, measured.samples
 
     def half_widths(self, z: float) -> Doubles:
-        return np.asarray(self.deviations * [student_quantile(n, z) for n in self.freedom.tolist()])
+        """Return half of each interval; of a meter that no sample found light for, all of it."""
+        found = np.asarray(self.deviations * [student_quantile(n, z) for n in self.freedom.tolist()])
+        return np.where(self.is_unlit, UNSEEN / self.samples * self.values.max(initial=0.0), found)
+
+    @property
+    def is_unlit(self) -> npt.NDArray[np.bool_]:
+        """Whether no sample of a meter found light (N,)."""
+        return np.asarray((self.values == 0) & (self.deviations == 0))
 
     def over(self, by: float) -> Measured:
-        return Measured(self.values / by, self.deviations / by, self.freedom)
+        return Measured(self.values / by, self.deviations / by, self.freedom, self.samples)
 
 
-def is_met(measured: Measured, meters: tuple[LightMeter, ...], precision: Precision) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def is_met(measured: Measured, meters: tuple[LightMeter, ...], precision: Precision) -> npt.NDArray[np.bool_]:
     """Return for each meter whether its reading, or the mean of its grid, is as precise as asked."""
     values, widths = measured.values, measured.half_widths(precision.z)
     dark = DARK * float(values.max(initial=0.0))
-    met = widths <= precision.target * np.maximum(values, dark)
+    # Without any light, as many samples are taken as would be with some on another meter.
+    enough = UNSEEN / measured.samples <= min(precision.target, USUAL_TARGET) * DARK
+    met = np.where(measured.is_unlit, enough, widths <= precision.target * np.maximum(values, dark))
     if precision.of_mean:
         for rows in rows_by_grid(meters).values():
             mean, width = mean_of(measured, rows)
-            met[rows] = width <= precision.target * max(mean, dark)
+            met[rows] = width <= precision.target * max(mean, dark) if mean > 0 else met[rows]
     return met
 
 

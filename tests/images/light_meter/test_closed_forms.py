@@ -92,7 +92,7 @@ def test_a_point_light_over_a_cylinder(up: str, unit: float) -> None:
         squared = 1.5**2 + 2.0**2
         candelas = 1e8 * math.pi * 1e-8
         expected = candelas * (2.0 / math.sqrt(squared)) / (math.pi * squared)
-        assert read(stage, CYLINDER) == pytest.approx([expected], rel=0.006)  # the prism is 5 mm wide
+        assert read(stage, CYLINDER) == pytest.approx([expected], rel=0.003)
 
 
 def test_light_in_a_white_sphere() -> None:
@@ -270,8 +270,8 @@ def test_what_is_refused(flags: list[str], said: str, tmp_path: Path, capsys: py
 
 def test_no_light_is_told() -> None:
     found = measure(lit_room(), [LightMeter("inside", (0, -0.05, 0)), LightMeter("floor", (0, 0.01, 1.5))], target=0.05)
-    assert found["inside"].high == 0
-    assert found["floor"].value > 0
+    assert found["inside"].value == 0
+    assert 0 < found["inside"].high < 1e-3 * found["floor"].value, "what no sample found may still be there"
     assert [one["code"] for one in found.report["diagnostics"]].count("dark-light-meter") == 1
     with pytest.raises(PrimrayError, match="three finite numbers"):
         LightMeter("bad", (0.0, float("nan"), 0.0))

@@ -145,6 +145,18 @@ def measure(
         sentence = "pictures of luminance are on the page: write it with -o NAME.html"
         raise SettingsError(sentence, where="--luminance", code=CODE)
     if glare:
+        others = {
+            "--grid": grids,
+            "--cylindrical": cylindrical,
+            "--daylight-factor": daylight_factor,
+            "--of-mean": of_mean,
+            "--simultaneous": simultaneous,
+            "--maintenance-factor": maintenance_factor != 1,
+            "--luminance": luminance,
+        }
+        for flag, is_set in others.items():
+            if is_set:
+                raise SettingsError(f"--glare and {flag} are two measurements: make them apart", where=flag, code=CODE)
         _rate_glare(scene, given, settings, target, outputs or [], json=json)
         return
     opened = open_once(scene, settings)

@@ -1,0 +1,88 @@
+"""Pictures that readings are taken from: of the stage's light alone, before a camera's exposure, with no settings of a picture.
+
+What a stage or a user asks of a picture (crops, pixel shapes, clamps, staging, stopping rules) would change readings: only the
+settings below are kept, so that a setting that is added later has no effect here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..diagnostics import Diagnostics
+from ..errors import LimitError, SettingsError
+from ..render.interruption import interruption
+from ..render.prepare import OpenedStage, Steps, prepare
+from ..render.render import picture_of
+from ..report.report import Costs
+from ..sampling.sampling import Sampling
+from ..settings import RenderSettings, StudioLight
+from ..settings.stage_settings import NOTHING_ASKED
+from .meters import CODE
+
+if TYPE_CHECKING:
+    from ..description import SceneDescription
+    from ..images.image import Image
+
+# Settings that decide what is on the stage, how long it is sampled, and how much of the machine is used.
+KEPT = (
+    *("time_code", "variants", "load", "mask", "session_layer", "purposes", "render_context", "translated_shaders"),
+    *("default_wrap", "surface_textures", "dicing_rate", "dome", "dome_rotation", "motion_error"),
+    *("spp", "time_limit_s", "max_depth", "seed", "threads", "strict", "fail_on", "allow"),
+    *("max_memory_bytes", "texture_memory_bytes", "texture_cache", "texture_cache_bytes"),
+)
+WHOLE = (0.0, 0.0, 1.0, 1.0)
+
+
+def settings_of_light(settings: RenderSettings) -> RenderSettings:
+    """Return the settings of a picture of the stage's light; SettingsError for fewer samples than an interval needs."""
+    if settings.spp is not None and settings.spp < 2:
+        sentence = f"an interval needs 2 or more samples of each pixel, not {settings.spp}"
+        raise SettingsError(sentence, where="spp", code=CODE)
+    return RenderSettings(
+        **{name: getattr(settings, name) for name in KEPT},
+        aovs=(),
+        adaptive=False,
+        denoise=False,
+        region=WHOLE,
+        motion_blur=False,
+        studio_light=StudioLight.OFF,
+        default_light=False,
+    )
+
+
+class LightSteps(Steps):
+    """The steps of a render, without the stage's render settings and the exposure of its camera."""
+
+    def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
+        description, told = super().translate(stage, settings)
+        camera = replace(description.camera, exposure_scale=1.0)
+        return replace(description, asked=NOTHING_ASKED, camera=camera), told
+
+
+def picture_of_light(opened: OpenedStage, settings: RenderSettings) -> Image:
+    """Render a picture whose values are radiances, with an error of each pixel.
+
+    LimitError where the time limit leaves a pixel without two independent halves; KeyboardInterrupt where Ctrl-C stops it.
+    """
+    from ..diagnostic_messages import Announcer
+
+    costs, diagnostics = Costs(), Diagnostics()
+    prepared = prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, steps=LightSteps())
+    Announcer(opened.name).tell(diagnostics)
+    with costs.stage("render"), interruption() as signal:
+        sampling = Sampling.begin(prepared.scene, prepared.settings)
+        sampling.run(lambda *_: not signal.asked)
+    if signal.asked:
+        raise KeyboardInterrupt
+    require_both_halves(sampling)
+    return picture_of(prepared, sampling, costs, diagnostics)
+
+
+def require_both_halves(sampling: Sampling) -> None:
+    """Raise LimitError if a pixel has no samples in one of its independent halves: it has neither a mean nor an error."""
+    if not np.all(sampling.film.counts):
+        sentence = "the time limit ended before all pixels of the reading had two samples: give it more seconds"
+        raise LimitError(sentence, where="time_limit_s")
