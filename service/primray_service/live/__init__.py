@@ -3,7 +3,7 @@
     command.py    its flags
     server.py     the running server; one process, on loopback
     app.py        the application: the page, events, pictures, commands
-    page/         the page; it shares base/ and style/ of the service's, and primray/live/page with notebooks
+    page/         the page; it shares the service's files, and primray/live/page with notebooks and the service
 
 The job service is not involved: no store, no jobs, no sandbox. Access needs the address, which contains a secret.
 """

@@ -14,7 +14,6 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
-from primray import live
 from primray.errors import PrimrayError
 from primray.live.viewer import Viewer
 
@@ -22,7 +21,6 @@ from ..routes import page as service_page
 from .copied_command import copied_command
 
 FOLDER = Path(__file__).resolve().parent / "page"
-SHARED = Path(live.__file__).resolve().parent / "page"  # with notebooks
 MOST_COMMAND_BYTES = 1 << 14
 ALIVE_EVERY_S = 15.0
 HOSTS = ("127.0.0.1", "localhost")
@@ -75,7 +73,7 @@ def create_app(viewer: Viewer, news: News, token: str, name: str) -> Starlette:
         return _file(FOLDER / "view.html")
 
     async def own_file(request: Request) -> Response:
-        known = {path.name: path for folder in (FOLDER, SHARED) for path in folder.iterdir()}
+        known = {path.name: path for path in FOLDER.iterdir()}
         path = known.get(request.path_params["name"])
         return _file(path) if path is not None else _refused(404, "not-found", "The page has no such file.")
 

@@ -1,4 +1,5 @@
-"""The web page: the files of page/, and the only headers that let a browser run scripts."""
+"""The web page: the files of page/, those that it shares with views of stages (primray/live/page, below live/), and the only
+headers that let a browser run scripts."""
 
 from __future__ import annotations
 
@@ -13,12 +14,15 @@ from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response
 
+from primray import live
+
 from ..http.callers import Serving
 from ..http.routing import Router
 from ..pictures.request import Space
 from ..problems import Problem
 
 FOLDER = Path(__file__).resolve().parents[1] / "page"
+FOLDERS = {"": FOLDER, "live/": Path(live.__file__).resolve().parent / "page"}
 MEDIA_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -57,10 +61,11 @@ class Static:
 
 @lru_cache(maxsize=1)
 def files() -> dict[str, Static]:
-    """Return the files by path below page/. All are read once: only these can be requested."""
+    """Return the files by path below /page/. All are read once: only these can be requested."""
     return {
-        path.relative_to(FOLDER).as_posix(): _static(path.read_bytes(), MEDIA_TYPES[path.suffix])
-        for path in sorted(FOLDER.rglob("*"))
+        below + path.relative_to(folder).as_posix(): _static(path.read_bytes(), MEDIA_TYPES[path.suffix])
+        for below, folder in FOLDERS.items()
+        for path in sorted(folder.rglob("*"))
         if path.is_file() and path.suffix in MEDIA_TYPES
     }
 

@@ -91,7 +91,7 @@ def test_rare_parts_are_marked_and_refusals_are_said(open_page, job):
             problem = {"type": "/problems/unavailable", "title": "Not now", "status": 503, "detail": "Wait.", "retryable": True}
             route.fulfill(status=503, content_type="application/problem+json", body=json.dumps(problem))
             return
-        found = route.fetch().json()
+        found = route.fetch(timeout=120_000).json()
         found["splits"]["light"][0] |= {"rare": True, "ci95": None}
         found["more"]["prim"] = 7
         route.fulfill(json=found)

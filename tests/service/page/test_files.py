@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import posixpath
 import re
 from pathlib import Path
 
@@ -11,9 +12,22 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "service/primray_service/page"
+LIVE = ROOT / "renderer/primray/live/page"  # served below live/
 # The folders of its modules: none imports from one that is not before it, those of one number not from each other.
-ORDER = {"base": 0, "admin": 1, "docs": 1, "exr": 1, "layers": 1, "job": 2, "picture": 2, "scene": 2, "views": 3, "": 4}
-OWN = sorted(path for path in PAGE.rglob("*") if path.is_file() and "vendor" not in path.parts)
+ORDER = {
+    "base": 0,
+    "live": 0,
+    "admin": 1,
+    "docs": 1,
+    "exr": 1,
+    "layers": 1,
+    "job": 2,
+    "picture": 2,
+    "scene": 2,
+    "views": 3,
+    "": 4,
+}
+OWN = sorted(path for folder in (PAGE, LIVE) for path in folder.rglob("*") if path.is_file() and "vendor" not in path.parts)
 # What nothing is loaded from: a namespace, and the service's own address as examples have it.
 ADDRESSES = ('xmlns="http://www.w3.org/2000/svg"', '"http://127.0.0.1:8700"')
 # Of the files in uplot-1.6.32.tgz.
@@ -41,6 +55,7 @@ def test_the_page_is_served(site):
     [
         ("main.js", "text/javascript; charset=utf-8"),
         ("views/job_view.js", "text/javascript; charset=utf-8"),
+        ("live/light_rows.js", "text/javascript; charset=utf-8"),
         ("style/base.css", "text/css; charset=utf-8"),
         ("favicon.svg", "image/svg+xml"),
         ("examples/forest.jpg", "image/jpeg"),
@@ -51,7 +66,7 @@ def test_the_page_is_served(site):
 def test_each_file_has_its_type_and_is_asked_for_again(site, path, media_type):
     with site.client() as client:
         answer = client.get(f"/page/{path}", headers={"accept-encoding": "identity"})
-        assert answer.content == (PAGE / path).read_bytes()
+        assert answer.content == file_of(path).read_bytes()
         assert answer.headers["content-type"] == media_type
         assert answer.headers["cache-control"] == "no-cache"
         again = client.get(f"/page/{path}", headers={"accept-encoding": "identity", "if-none-match": answer.headers["etag"]})
@@ -107,14 +122,19 @@ def test_imports_go_one_way_and_lead_to_files():
             here = folder_of(path)
             for name in re.findall(r'from "([^"]*)"', path.read_text()):
                 assert name.startswith(("./", "../")), (path.name, name)
-                target = (path.parent / name).resolve()
-                assert target.is_file(), (path.name, name)
-                there = folder_of(target)
+                address = posixpath.normpath(posixpath.join(here, name))
+                assert file_of(address).is_file(), (path.name, name)
+                there = posixpath.dirname(address)
                 assert here == there or ORDER[there] < ORDER[here], f"{path.name} imports {name}"
 
 
 def folder_of(path: Path) -> str:
-    return path.parent.relative_to(PAGE).as_posix().removeprefix(".")
+    return "live" if path.parent == LIVE else path.parent.relative_to(PAGE).as_posix().removeprefix(".")
+
+
+def file_of(address: str) -> Path:
+    """Return the file that is served at an address below /page/."""
+    return LIVE / address.removeprefix("live/") if address.startswith("live/") else PAGE / address
 
 
 def test_files_are_short_and_say_what_they_are():

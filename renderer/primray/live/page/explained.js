@@ -1,6 +1,6 @@
 // What the light of a pixel is made of, as tables: by light, kind of path, bounce, and the prim that sends it.
 
-const RARE = "? so rare that the error is hardly known: the true part may be several times larger, or smaller";
+import { RARE, shareWords } from "./figures.js";
 
 // Shows `explained` of a viewer's state in `root`, which is hidden where there is none. All of it is set as text.
 export function explanation(root) {
@@ -27,17 +27,16 @@ function content(explained) {
   const about = made("p", `${explained.samples} samples: light ${color(explained.value, explained.error)}, alpha ${Number(explained.alpha.toPrecision(3))}${outdated}`);
   const tables = made("div", "", "splits");
   tables.append(...explained.splits.map(table));
-  return [title, about, tables, ...(explained.rare ? [made("p", RARE, "note")] : [])];
+  return [title, about, tables, ...(explained.rare ? [made("p", `? ${RARE}`, "note")] : [])];
 }
 
 function table({ title, parts, more, more_share: rest }) {
   const found = made("table", "");
   found.append(made("caption", title));
   for (const { name, share, error, rare } of parts) {
-    const size = error === null ? "" : ` ± ${percent(error)}`;
-    found.append(row(`${percent(share)}${size} %${rare ? " ?" : ""}`, name));
+    found.append(row(shareWords(share, error, rare), name));
   }
-  if (more > 0) found.append(row(`${percent(rest)} %`, `${more} more`));
+  if (more > 0) found.append(row(shareWords(rest, null), `${more} more`));
   return found;
 }
 
@@ -59,5 +58,4 @@ function made(tag, text, name = "") {
   return found;
 }
 
-const percent = (share) => (100 * share).toFixed(1);
 const brief = (value) => Number(value.toPrecision(4));

@@ -1,4 +1,4 @@
-// What a viewer is doing, in words with the share that is done, and the figures of the picture that is shown.
+// What a viewer is doing, in words with the share that is done, and the figures of the picture that is shown and of a pixel's parts.
 
 const PHASES = {
   opening: "Opening",
@@ -42,4 +42,12 @@ export function selectedWords({ distance, instance, material }) {
   return `${distance.toPrecision(4)} away${instance ? `, in ${instance}` : ""}${material ? `, material ${material}` : ""}`;
 }
 
+export const RARE = "so rare that the error is hardly known: the true part may be several times larger, or smaller";
+
+// The share of a pixel's light that a part has, in percent with its standard error; null: not known.
+export function shareWords(share, error, isRare = false) {
+  return `${percent(share)}${error === null ? "" : ` ± ${percent(error)}`} %${isRare ? " ?" : ""}`;
+}
+
+const percent = (share) => (100 * share).toFixed(1);
 const brief = (number) => (Number.isFinite(number) ? number.toPrecision(2) : "?");

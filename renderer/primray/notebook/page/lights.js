@@ -1,38 +1,16 @@
-// Sliders of the lights of a view's picture, once the kernel sends their names: intensity in stops and a colour for each.
+// Sliders of the lights of a view's picture, once the kernel sends their names, with the call of Python that makes the same mix.
 
-const MOST_STOPS = 6; // each way; the lowest turns a light off
-const STEP = 0.25;
+import { lightRows, weightWords } from "../../live/page/light_rows.js";
 
-// `part` has the rows, the error and the call of Python that makes the same mix. `send` is a sender's (live/page/sender.js).
+// `part` has the rows, the error and the call. `send` is a sender's (live/page/sender.js).
 export function lightMix({ asked, mix, lights, mixed, call }, send) {
   const weights = new Map();
   let names = [];
 
   asked.addEventListener("click", () => send({ do: "lights", on: asked.getAttribute("aria-pressed") !== "true" }));
 
-  function row(name) {
-    const intensity = input("range", `Intensity of ${name}, stops`, { min: -MOST_STOPS, max: MOST_STOPS, step: STEP, value: 0 });
-    const color = input("color", `Colour of ${name}`, { value: "#ffffff" });
-    const stops = Object.assign(document.createElement("output"), { textContent: "0" });
-
-    function weigh() {
-      const value = Number(intensity.value);
-      const factor = value > -MOST_STOPS ? 2 ** value : 0;
-      const tint = [1, 3, 5].map((at) => linear(Number.parseInt(color.value.slice(at, at + 2), 16) / 255));
-      stops.textContent = factor === 0 ? "off" : `${value > 0 ? "+" : ""}${value}`;
-      weights.set(name, tint.map((channel) => channel * factor));
-      changed();
-    }
-
-    for (const control of [intensity, color]) control.addEventListener("input", weigh);
-    const found = document.createElement("div");
-    found.className = "light";
-    found.append(Object.assign(document.createElement("span"), { textContent: name }), intensity, stops, color);
-    return found;
-  }
-
   function changed() {
-    const words = [...weights].map(([name, of]) => `${JSON.stringify(name)}: (${of.map((w) => Number(w.toPrecision(4))).join(", ")})`);
+    const words = [...weights].map(([name, weight]) => `${JSON.stringify(name)}: (${weightWords(weight).join(", ")})`);
     call.textContent = words.length > 0 ? `primray.relight(view.image, {${words.join(", ")}})` : "";
     send({ do: "mix", weights: Object.fromEntries(weights) });
   }
@@ -45,7 +23,7 @@ export function lightMix({ asked, mix, lights, mixed, call }, send) {
       const isMixed = Object.keys(found.weights).length > 0; // by a page before
       names = found.names;
       weights.clear();
-      lights.replaceChildren(...names.map(row));
+      lights.replaceChildren(...lightRows(names, weights, changed));
       if (isMixed) changed();
     }
     const [value, low, high] = found.relmse ?? [];
@@ -55,12 +33,4 @@ export function lightMix({ asked, mix, lights, mixed, call }, send) {
   return { show };
 }
 
-function input(type, label, values) {
-  const found = Object.assign(document.createElement("input"), { type, ...values });
-  found.setAttribute("aria-label", label);
-  return found;
-}
-
-// IEC 61966-2-1, from the encoding of sRGB.
-const linear = (value) => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
 const brief = (number) => number.toPrecision(2);

@@ -1,7 +1,7 @@
 // The camera: which one, at which time, what is selected; and the stage's variants.
 
 import { button, choice, element, field, fill, say, write } from "../page/base/dom.js";
-import { selectedWords } from "./figures.js";
+import { selectedWords } from "../page/live/figures.js";
 import { keepFocus } from "./focus.js";
 import { send, sendAndSee } from "./server.js";
 

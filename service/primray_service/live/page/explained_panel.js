@@ -1,7 +1,7 @@
 // The pixel that was clicked with Ctrl, explained.
 
 import { button, element, say } from "../page/base/dom.js";
-import { explanation } from "./explained.js";
+import { explanation } from "../page/live/explained.js";
 import { send } from "./server.js";
 
 export function explainedPanel() {

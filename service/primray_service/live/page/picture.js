@@ -1,7 +1,7 @@
 // The picture: pictures come as bytes, are drawn one after the other, the newest first of those that wait.
 
 import { element, say } from "../page/base/dom.js";
-import { pointIn } from "./navigate.js";
+import { pointIn } from "../page/live/navigate.js";
 import { seen } from "./server.js";
 
 const LABEL =

@@ -1,6 +1,6 @@
 // The viewer's server, which commands are sent to.
 
-import { sender } from "./sender.js";
+import { sender } from "../page/live/sender.js";
 
 export async function stage() {
   return (await fetch("stage")).json();

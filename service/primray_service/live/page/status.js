@@ -1,7 +1,7 @@
 // What the viewer is doing, and the figures of the picture that is shown.
 
 import { element, write } from "../page/base/dom.js";
-import { errorWords, phaseWords, shareOf, sizeWords, stepWords } from "./figures.js";
+import { errorWords, phaseWords, shareOf, sizeWords, stepWords } from "../page/live/figures.js";
 
 export function status() {
   const phase = element("span", { class: "phase" });

@@ -3,12 +3,12 @@
 
 import { diagnostics } from "../page/base/diagnostics.js";
 import { element, fill, write } from "../page/base/dom.js";
+import { navigate, watchKeys } from "../page/live/navigate.js";
 import { cameraPanel } from "./camera_panel.js";
 import { explainedPanel } from "./explained_panel.js";
 import { lightPanel } from "./light_panel.js";
 import { lookPanel } from "./look_panel.js";
 import { mixPanel } from "./mix_panel.js";
-import { navigate, watchKeys } from "./navigate.js";
 import { picture } from "./picture.js";
 import { commands, onRefused, stage } from "./server.js";
 import { status } from "./status.js";

@@ -5,12 +5,12 @@ import { jobPath, send } from "../base/api.js";
 import { button, element, fill, say } from "../base/dom.js";
 import * as format from "../base/format.js";
 import { problemBox } from "../base/problem_box.js";
+import { RARE, shareWords } from "../live/figures.js";
 
 const SPLITS = [["light", "By light"], ["kind", "By kind of path"], ["bounce", "By bounce"], ["prim", "By the prim that sends it here"]];
 const MOST = 8; // rows of a table
 const LEAST = 5e-4; // share of the pixel, or its error, that has a row
 const PATHS = 3;
-const RARE = "Paths so rare that the error is hardly known: the true part may be several times larger, or smaller";
 
 // `onClosed` is called when it is closed by its button or by Escape in it.
 export function explainedPixel(job, onClosed) {
@@ -78,7 +78,7 @@ function partsOf(found) {
   return [
     element("dl", { class: "facts" }, facts(found)),
     element("div", { class: "splits" }, SPLITS.map(([name, caption]) => table(caption, found.splits[name], found.more[name]))),
-    hasRare && element("p", { class: "note" }, `?  ${RARE}.`),
+    hasRare && element("p", { class: "note" }, `?  Paths ${RARE}.`),
     noise(found.noise),
   ];
 }
@@ -110,10 +110,7 @@ function table(caption, parts, more) {
   );
 }
 
-function shareOf({ share, share_error: error, rare }) {
-  const percent = (value) => (100 * value).toFixed(1);
-  return `${percent(share)}${error === null ? "" : ` ± ${percent(error)}`} %${rare ? " ?" : ""}`;
-}
+const shareOf = ({ share, share_error: error, rare }) => shareWords(share, error, rare);
 
 // Names the paths with the largest shares of the noise.
 function noise(paths) {
