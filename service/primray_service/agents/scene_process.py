@@ -11,11 +11,14 @@ import json
 import os
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
+
+from primray.live.file_watch import Stamp, stamp_of
 
 from ..sandbox import enter
 from ..worker.channel import SERVER_GONE, claim_stdout
@@ -31,7 +34,7 @@ class Scenes:
         self._out = out
         self._eye: Eye | None = None
         self._composed: tuple[object, ...] = ()
-        self._files: dict[str, tuple[int, int] | None] = {}
+        self._files: dict[str, Stamp] = {}
 
     def answer(self, request: Mapping[str, Any]) -> dict[str, Any]:
         does, path = request["do"], request["path"]
@@ -69,17 +72,18 @@ class Scenes:
         from primray import usd
 
         composed = (path, tuple(request["variants"]))
-        changed = {file for file, stamp in self._files.items() if _stamp(file) != stamp}
+        changed = {file for file, stamp in self._files.items() if stamp_of(file) != stamp}
         if self._eye is None or composed != self._composed or changed:
             if changed:
                 usd.reload_layers(path, changed)
             looks = {} if self._eye is None or path != self._composed[0] else self._eye.seen
             self._files = {path: None}  # a stage that cannot be opened now is read again at the next request
             self._eye = None
+            begun = time.time_ns()
             eye = _opened(path, request)
             eye.seen.update(looks)
             self._eye, self._composed = eye, composed
-            self._files = {file: _stamp(file) for file in usd.files_to_watch(path)}
+            self._files = {file: _read_stamp(file, begun) for file in usd.files_to_watch(path)}
         return self._eye
 
 
@@ -92,12 +96,11 @@ def _opened(path: str, request: Mapping[str, Any]) -> Eye:
     return Eye(KeptStage(path, RenderSettings(variants=tuple(request["variants"]))))
 
 
-def _stamp(file: str) -> tuple[int, int] | None:
-    try:
-        found = os.stat(file)
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size
+def _read_stamp(file: str, begun_ns: int) -> Stamp:
+    """Return the stamp of a file that has been read since `begun_ns`; None where it was written meanwhile, so that it counts as
+    changed. A time of modification in the future says nothing."""
+    stamp = stamp_of(file)
+    return None if stamp is not None and begun_ns < stamp[0] <= time.time_ns() else stamp
 
 
 def failure(error: BaseException) -> dict[str, Any]:

@@ -117,15 +117,7 @@ class SceneProcesses:
             raise LimitError(f"{MOST_WAITING} requests are waiting already; repeat this one later", code="busy")
         self._waiting += 1
         try:
-            process = await self._process_of(scene)
-            process.users += 1
-            try:
-                async with process.turn:
-                    found = await self._asked(scene, process, request, seconds)
-                    for name, target in (into or {}).items() if "error" not in found else ():
-                        await asyncio.to_thread(_moved, process.out / name, target)
-            finally:
-                process.users -= 1
+            found = await self._answered(scene, request, seconds, into or {})
         finally:
             self._waiting -= 1
         self.get_ready()  # after the answer, which needs the CPUs
@@ -134,6 +126,25 @@ class SceneProcesses:
             error = found["error"]
             raise PrimrayError(str(error["message"]), where=str(error["where"]), code=str(error["code"]))
         return found
+
+    async def _answered(
+        self, scene: str, request: Mapping[str, Any], seconds: float, into: Mapping[str, Path]
+    ) -> dict[str, Any]:
+        """Return what the scene's process answers when it is this request's turn; another process where that one has ended by
+        then, as it does at a request that takes too long."""
+        while True:
+            process = await self._process_of(scene)
+            process.users += 1
+            try:
+                async with process.turn:
+                    if not process.is_alive():
+                        continue
+                    found = await self._asked(scene, process, request, seconds)
+                    for name, target in into.items() if "error" not in found else ():
+                        await asyncio.to_thread(_moved, process.out / name, target)
+                    return found
+            finally:
+                process.users -= 1
 
     async def _asked(self, scene: str, process: SceneProcess, request: Mapping[str, Any], seconds: float) -> dict[str, Any]:
         answered = False

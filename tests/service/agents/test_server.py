@@ -309,6 +309,22 @@ def test_a_scene_whose_process_dies_costs_one_answer(folder: Path) -> None:
     asyncio.run(calls())
 
 
+def test_who_waits_behind_a_request_that_takes_too_long_is_answered(folder: Path) -> None:
+    async def calls() -> None:
+        scenes = SceneProcesses([folder.resolve()], SceneLimits(memory_bytes=2 * GiB, threads=2))
+        path = str(folder / "toys.usda")
+        request = _inspect(path)
+        await scenes.answer(path, request, 60)
+        first = asyncio.create_task(scenes.answer(path, {**request, "do": "doctor", "size": 256, "seconds": 20}, 0.2))
+        second = asyncio.create_task(scenes.answer(path, request, 60))
+        with pytest.raises(Exception, match="time: there was no answer"):
+            await first
+        assert (await second)["answer"]["cameras"] == ["/world/camera"]
+        await scenes.close()
+
+    asyncio.run(calls())
+
+
 def test_scenes_that_were_not_used_longest_end_for_memory(folder: Path) -> None:
     (folder / "second.usda").write_text(STAGE)
 
