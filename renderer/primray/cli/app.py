@@ -42,6 +42,7 @@ from .commands.sheet import sheet
 from .commands.thumbnail import thumbnail
 from .commands.verify import verify
 from .flags import default_of, flags_of, names_of
+from .kept_inputs import keeping_inputs
 
 
 def with_options(name: str, command: Callable[..., None], of: type = RenderSettings) -> Callable[..., None]:
@@ -106,7 +107,7 @@ def loaded(name: str, target: str) -> Any:
     found = getattr(import_module(module), attribute)
     if not isinstance(found, typer.Typer):
         app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-        app.command(name)(with_options(name, found))
+        app.command(name)(keeping_inputs(with_options(name, found)))
         found = app
     return naming_values(get_command(found))
 
@@ -253,4 +254,4 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "doctor": doctor,
 }
 for _name, _command in _COMMANDS.items():
-    app.command(_name)(with_options(_name, _command))
+    app.command(_name)(keeping_inputs(with_options(_name, _command)))

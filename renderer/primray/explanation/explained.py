@@ -131,6 +131,7 @@ class ExplainedPixel:
         from .drawing import save_layer
 
         opened = usd.open_stage(self.scene, Diagnostics()) if stage is None else stage
+        usd.check_layer_output(opened, path, but=usd.LIGHT_PATHS)
         save_layer(opened, self, Path(path))
 
     def save_overlay(self, image: Image, path: str | os.PathLike[str]) -> None:

@@ -12,10 +12,10 @@ from .camera.framed_objects import framed_bounds
 from .camera.lidar import LidarPrim, lidar_poses, lidar_prim, lidar_prims, lidar_units
 from .camera.session_camera import camera_layer, has_camera, is_session_camera, place_camera
 from .inspect.authored_meters import AuthoredMeter, authored_meters
-from .inspect.dependencies import Dependencies, dependencies, files_to_watch, layer_files, write_usdz
+from .inspect.dependencies import Dependencies, check_layer_output, dependencies, files_to_watch, layer_files, write_usdz
 from .inspect.labelled import LabelledPrim, LabelledPrims
 from .inspect.layer_edits import Edit, edits_between, files_named, made_alone, sampled_times, used_layer
-from .inspect.light_path_layer import light_path_layer
+from .inspect.light_path_layer import LIGHT_PATHS, light_path_layer
 from .inspect.prim_identity import assets_of, names_in_instances
 from .inspect.scene_facts import stage_facts
 from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
@@ -36,6 +36,7 @@ from .variation.rougher_material import can_be_rougher, rougher_material
 from .variation.varied_stage import VariedStage
 
 __all__ = [
+    "LIGHT_PATHS",
     "AuthoredMeter",
     "Dependencies",
     "Edit",
@@ -53,6 +54,7 @@ __all__ = [
     "can_be_larger",
     "can_be_rougher",
     "can_share_render",
+    "check_layer_output",
     "check_preview",
     "count_undrawn_shapes",
     "dependencies",

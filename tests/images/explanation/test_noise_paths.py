@@ -56,6 +56,17 @@ def test_random_paths_are_among_the_others_and_the_same_each_time(stage: Path) -
     assert pixel.noise == again.noise
 
 
+def test_a_layer_of_the_stage_is_replaced_only_by_its_like(stage: Path, tmp_path: Path) -> None:
+    pixel = explained(stage)
+    opened = Usd.Stage.Open(str(stage))
+    with pytest.raises(SettingsError, match="a layer of the stage"):
+        pixel.save_layer(stage, opened)
+    top, noise = tmp_path / "top.usda", tmp_path / "noise.usda"
+    pixel.save_layer(noise, opened)
+    top.write_text(f"#usda 1.0\n(\n    subLayers = [@{noise}@, @{stage}@]\n)\n")
+    pixel.save_layer(noise, Usd.Stage.Open(str(top)))  # that of the pixel before
+
+
 def test_the_layer_is_a_sublayer_of_curves_for_guides(stage: Path, tmp_path: Path) -> None:
     pixel = explained(stage)
     pixel.save_layer(tmp_path / "noise.usda", Usd.Stage.Open(str(stage)))

@@ -228,6 +228,17 @@ def test_the_command_writes_pictures_a_report_and_a_layer_that_renders_the_mix(t
     assert compare(mixed, tmp_path / "again.exr", tolerance=0.1).verdict.value == "unchanged"
 
 
+def test_a_layer_of_the_stage_is_not_overwritten(tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    stage_of(ROOM + KEY + FILL).GetRootLayer().Export("room.usda")
+    Path("top.usda").write_text("#usda 1.0\n(\n    subLayers = [@room.usda@]\n)\n")
+    picture(spp=2).save("room.exr")
+    before = Path("room.usda").read_bytes()
+    assert run(["relight", "room.exr", "-l", "key=2", "--layer", "room.usda", "--stage", "top.usda"]) == 2
+    assert "a layer of the stage" in capsys.readouterr().err
+    assert Path("room.usda").read_bytes() == before
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -110,10 +110,6 @@ def relight(
         raise SettingsError(sentence, code="lights-layer")
     for path in outputs or ():
         check_output_path(path)
-        if Path(path).resolve() == Path(picture).resolve():
-            raise SettingsError(
-                "the output would overwrite the picture, whose lights would be lost", where=path, code="output-folder"
-            )
     for file in (layer, report):
         if file is not None:
             check_folder(Path(file))
@@ -220,7 +216,9 @@ def _write_layer(mix: LightMix, weights: Weights, stage: str, layer: Path) -> di
     if mix.image.color_space != REC709 and any(len(set(weight)) > 1 for weight in of_lights.values()):
         sentence = "the picture's colour space is not Rec.709, in which UsdLux has colours: weigh lights by one factor each"
         raise SettingsError(sentence, where=str(layer), code="lights-layer")
-    text, left_out = usd.weight_layer(usd.open_stage(stage, Diagnostics()), of_lights)
+    opened = usd.open_stage(stage, Diagnostics())
+    usd.check_layer_output(opened, layer)
+    text, left_out = usd.weight_layer(opened, of_lights)
     for part in mix.parts:
         if not part.paths and weights[part.name] != (1.0, 1.0, 1.0):
             left_out[part.name] = "it is no light of the stage"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from ...diagnostics import Diagnostics
-from ...errors import StageOpenError
+from ...errors import SettingsError, StageOpenError
 from ..materials.materialx.documents import files_of_documents
 from ..materials.materialx.filename_tokens import files_at, has_tokens
 from ..stage.messages import FileNames, check_is_text, tf_message
@@ -106,6 +106,23 @@ def _composed_layers(path: str) -> Iterator[str]:
 def layer_files(stage: Usd.Stage) -> set[str]:
     """Return the absolute paths of the files of the layers that the stage is composed of."""
     return {_file(layer.realPath) for layer in stage.GetUsedLayers() if layer and layer.realPath}
+
+
+def check_layer_output(stage: Usd.Stage, path: str | os.PathLike[str], but: str = "") -> None:
+    """Raise SettingsError if the layer to write is one that the stage is composed of, whose content would be lost.
+
+    `but`: default prim of layers that may be replaced, since they were written before by the same command.
+    """
+    target = os.path.realpath(path)
+    for layer in stage.GetUsedLayers():
+        if (
+            layer
+            and layer.realPath
+            and os.path.realpath(_file(layer.realPath)) == target
+            and (not but or layer.defaultPrim != but)
+        ):
+            sentence = "the output would overwrite a layer of the stage: give it another name"
+            raise SettingsError(sentence, where=os.fspath(path), code="output-folder")
 
 
 def _fixed_paths(file: str) -> Iterator[tuple[str, str]]:

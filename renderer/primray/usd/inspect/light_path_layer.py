@@ -11,6 +11,7 @@ from ..stage.metadata import meters_per_unit, up_axis
 
 Points = Sequence[tuple[float, float, float]]
 Curve = tuple[Points, tuple[float, float, float], float]  # points in the world, colour, opacity
+LIGHT_PATHS = "primray_light_paths"  # name of the layer's default prim
 
 
 def light_path_layer(stage: Usd.Stage, curves: Mapping[str, Sequence[Curve]], width: float, about: Mapping[str, Any]) -> str:
@@ -24,7 +25,7 @@ def light_path_layer(stage: Usd.Stage, curves: Mapping[str, Sequence[Curve]], wi
     made = Usd.Stage.Open(layer)
     UsdGeom.SetStageUpAxis(made, up_axis(stage))
     UsdGeom.SetStageMetersPerUnit(made, meters_per_unit(stage))
-    scope = UsdGeom.Scope.Define(made, "/primray_light_paths")
+    scope = UsdGeom.Scope.Define(made, f"/{LIGHT_PATHS}")
     scope.CreatePurposeAttr(UsdGeom.Tokens.guide)
     made.SetDefaultPrim(scope.GetPrim())
     scope.GetPrim().SetCustomData(_plain(about))
