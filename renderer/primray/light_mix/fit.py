@@ -58,19 +58,22 @@ def fit(mix: LightMix, reference: Image | str | os.PathLike[str], *, colors: boo
     """Return the weights of the mix's parts that bring it closest to a scene-linear picture of the same size.
 
     `colors`: a weight for each of R, G and B. Pixels of the reference that are not finite are left out. SettingsError if the
-    sizes differ, or no light reaches the picture.
+    sizes, windows or colour spaces differ, or no light reaches the picture. What the picture has beside its lights, such as a
+    background, is taken off the reference.
     """
     wanted = reference if isinstance(reference, Image) else read_image(reference)
     if wanted.resolution != mix.image.resolution:
         own, other = ("{} x {}".format(*image.resolution) for image in (mix.image, wanted))
         sentence = f"the reference has {other} pixels and the picture {own}: fit pictures of the same size"
         raise SettingsError(sentence, where="" if isinstance(reference, Image) else os.fspath(reference), code="lights-fit")
-    y = wanted.pixels[..., :3].astype(np.float64)
+    _check_alike(mix.image, wanted, "" if isinstance(reference, Image) else os.fspath(reference))
+    left, outside = mix.beside
+    y = wanted.pixels[..., :3].astype(np.float64) - outside
     lit = [part for part in mix.parts if (part.light != 0).any()]
     if not lit:
         raise SettingsError("no light reaches the picture, so there is nothing to fit", code="lights-fit")
-    light = np.stack([part.light for part in lit])
-    step = np.nan_to_num(np.stack([part.difference for part in lit]))
+    light = np.stack([part.light * left for part in lit])
+    step = np.nan_to_num(np.stack([part.difference * left for part in lit]))
     certain = _certainty(y, np.nan_to_num(mix.image.errors) if mix.image.errors is not None else None, wanted)
     channels = [[c] for c in range(3)] if colors else [[0, 1, 2]]
     solved = [_solve(light[..., c], step[..., c], y[..., c], certain[..., c]) for c in channels]
@@ -83,11 +86,25 @@ def fit(mix: LightMix, reference: Image | str | os.PathLike[str], *, colors: boo
         for k, part in enumerate(lit)
     }
     made = np.zeros_like(y)
-    for part in lit:
-        made += part.light * weights[part.name].weight
+    for part, own in zip(lit, light, strict=True):
+        made += own * weights[part.name].weight
     valid = np.isfinite(y)
     residual = float(np.sqrt(((made - y)[valid] ** 2).mean() / max((y[valid] ** 2).mean(), 1e-300)))
     return Fit(weights, residual, _alike([part.name for part in lit], light, step))
+
+
+def _check_alike(own: Image, wanted: Image, where: str) -> None:
+    """Raise SettingsError where the same numbers mean other colours or other places of the frame."""
+    if own.color_space != wanted.color_space:
+        sentence = (
+            f"the reference is in the colour space {wanted.color_space.name} and the picture in {own.color_space.name}: "
+            "fit pictures of the same space"
+        )
+        raise SettingsError(sentence, where=where, code="lights-fit")
+    windows = [None if image.frame is None or image.frame.is_whole else image.frame.pixels for image in (own, wanted)]
+    if None not in windows and windows[0] != windows[1]:
+        sentence = "the reference and the picture are of different regions of the frame: fit pictures of the same pixels"
+        raise SettingsError(sentence, where=where, code="lights-fit")
 
 
 def _certainty(y: Doubles, errors: Any, wanted: Image) -> Doubles:

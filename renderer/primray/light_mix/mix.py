@@ -27,6 +27,7 @@ from ..errors import SettingsError, did_you_mean
 from ..images.exr_parts import LIGHTS_OF_PART
 from ..images.image import Image
 from ..images.reading import read_image
+from ..report.report import header_of
 from ..sampling.error import Estimate
 from ..settings.light_mixes import Weight, checked_weight
 
@@ -109,14 +110,17 @@ class LightMix:
         for part in self.parts:
             light += part.light * weights[part.name]
             difference += part.difference * weights[part.name]
-        light += self._apart
-        pixels = np.concatenate([light.astype(np.float32), self.image.pixels[..., 3:]], axis=2)
-        errors = np.where(np.isnan(difference), np.inf, np.abs(difference)).astype(np.float32)
+        left, apart = self.beside
+        light, difference = light * left + apart, difference * left
         changed = {name: list(weight) for name, weight in weights.items() if weight != (1.0, 1.0, 1.0)}
+        colors = light.astype(np.float32) if changed else self.image.pixels[..., :3]  # parts may be stored as halves
+        pixels = np.concatenate([colors, self.image.pixels[..., 3:]], axis=2)
+        errors = np.where(np.isnan(difference), np.inf, np.abs(difference)).astype(np.float32)
         error = relative_error(light, difference)
         report: dict[str, Any] = {"relight": changed, "error": None if error is None else {"relmse": error.as_json()}}
         metadata = {
-            **self.image.metadata,
+            **_without_errors(self.image.metadata),
+            **({} if error is None else header_of({"error": report["error"]})),
             **{f"relight.{name}": " ".join(f"{w:.9g}" for w in row) for name, row in changed.items()},
         }
         return replace(
@@ -135,8 +139,9 @@ class LightMix:
     def with_part(self, part: LightPart, told: Mapping[str, float]) -> LightMix:
         """Return the mix with another part in place of that of the same name, and `told` in the header of its picture."""
         parts = tuple(part if one.name == part.name else one for one in self.parts)
-        light = np.sum([one.light for one in parts], axis=0) + self._apart
-        difference = np.sum([one.difference for one in parts], axis=0)
+        left, apart = self.beside
+        light = np.sum([one.light for one in parts], axis=0) * left + apart
+        difference = np.sum([one.difference for one in parts], axis=0) * left
         name = f"{LIGHTS}.{part.name}"
         aov = replace(self.image.aovs[name], values=part.light, differences=part.difference.astype(np.float32))
         image = replace(
@@ -144,26 +149,40 @@ class LightMix:
             pixels=np.concatenate([light.astype(np.float32), self.image.pixels[..., 3:]], axis=2),
             errors=np.where(np.isnan(difference), np.inf, np.abs(difference)).astype(np.float32),
             aovs={**self.image.aovs, name: aov},
-            metadata={**self.image.metadata, **{f"relight.{key}": value for key, value in told.items()}},
+            metadata={**_without_errors(self.image.metadata), **{f"relight.{key}": value for key, value in told.items()}},
         )
         return LightMix(image, parts)
 
     @cached_property
-    def _apart(self) -> Doubles:
-        """What the picture holds and no part does, such as a back plate: it stays as it is."""
+    def beside(self) -> tuple[Doubles, Doubles]:
+        """What the picture does to the sum of its parts: a factor where it has less light, as in the shadow on an invisible
+        ground, and what it adds where it has more, such as a back plate, which stays as it is."""
         total = np.sum([part.light for part in self.parts], axis=0)
         rest = self.image.pixels[..., :3].astype(np.float64) - total.astype(np.float32)
-        return np.where(np.abs(rest) <= STORED_APART * np.abs(total), 0.0, rest)
+        rest = np.where(np.abs(rest) <= STORED_APART * np.abs(total), 0.0, rest)
+        left = np.ones_like(total)
+        np.divide(total + rest, total, out=left, where=(rest < 0) & (total > 0))
+        return np.maximum(left, 0.0), np.where((rest < 0) & (total > 0), 0.0, rest)
+
+    @property
+    def outside(self) -> Doubles:
+        """The light (H, W, 3) of the picture that is in no part, and so is not weighed."""
+        return self.beside[1]
 
     @property
     def keeps_light(self) -> bool:
         """Whether some light of the picture is in no part, and so is not weighed."""
-        return bool(self._apart.any())
+        return bool(self.outside.any())
 
     def share_of(self, part: LightPart) -> float:
         """Return the share of the picture's light, by the sum of its channels, that a part holds."""
         total = float(sum(one.light.sum() for one in self.parts))
         return float(part.light.sum()) / total if total > 0 else 0.0
+
+
+def _without_errors(header: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the header without errors of the picture, which are not those of a mix."""
+    return {key: value for key, value in header.items() if not key.startswith("error.")}
 
 
 def relative_error(light: Doubles, difference: Doubles) -> Estimate | None:

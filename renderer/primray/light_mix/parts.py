@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePosixPath
@@ -14,6 +15,8 @@ from ..diagnostics import Diagnostics
 from ..images.exr_parts import LIGHTS_OF_PART
 from ..lpe.automaton import MOST_EXPRESSIONS
 
+# What has a meaning in channels, mixes, lists of names or a shell: blanks, and all punctuation but "_", "-", "+", "/" and ":".
+NO_WORD = re.compile(r"[\s\x00-\x1f!-*,.;-@\[-^`{-\x9f]")
 REST = "rest"  # emissive surfaces, and lights that have no part of their own
 
 
@@ -104,7 +107,7 @@ def _request(name: str, expression: str, paths: Sequence[str], asked: AovRequest
 
 
 def names_of(labels: Sequence[str]) -> dict[str, str]:
-    """Return a name of a part for each group or path: as much of a path's end as no other has, without dots."""
+    """Return a name of a part for each group or path: as much of a path's end as no other has, without NO_WORD."""
     plain = {label: _words(label) for label in labels}
     found: dict[str, str] = {}
     for label, words in plain.items():
@@ -123,4 +126,4 @@ def names_of(labels: Sequence[str]) -> dict[str, str]:
 
 def _words(label: str) -> tuple[str, ...]:
     words = PurePosixPath(label).parts[1:] if label.startswith("/") else (label,)
-    return tuple(word.replace(".", "_").replace(" ", "_") for word in words) or ("light",)
+    return tuple(NO_WORD.sub("_", word) for word in words) or ("light",)

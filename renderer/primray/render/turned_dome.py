@@ -59,7 +59,7 @@ def turn_dome(
     mix = picture if isinstance(picture, LightMix) else LightMix.of(picture)
     for name, degrees in turns.items():
         part = _part_of(mix, name)
-        settings = settings_of_header(mix.image.metadata, spp)
+        settings = settings_of_header(mix.image.metadata, mix.image.resolution, spp)
         mix = mix.with_part(_rendered(stage, settings, part, name, degrees, progress), {f"turn.{part.name}": degrees})
     return mix
 
@@ -115,8 +115,12 @@ def _turned(dome: Light, turn: Doubles) -> Light:
     return replace(dome, world_from_light=turn @ dome.world_from_light, motion=motion)
 
 
-def settings_of_header(header: Mapping[str, str | int | float], spp: int | None) -> RenderSettings:
-    """Return the settings that a picture's header tells, with outputs and stopping rules of the new render."""
+def settings_of_header(header: Mapping[str, str | int | float], resolution: tuple[int, int], spp: int | None) -> RenderSettings:
+    """Return the settings that a picture's header tells, with outputs and stopping rules of the new render.
+
+    `resolution` of the pixels that were rendered, which may be a region of the frame. Samples are those of the picture's range,
+    if it has one, unless `spp` is given.
+    """
     if "settings.camera" not in header or "samples" not in header:
         sentence = "the picture's header does not tell the settings of its render, with a camera of the stage"
         raise SettingsError(sentence, code=CODE)
@@ -126,9 +130,11 @@ def settings_of_header(header: Mapping[str, str | int | float], spp: int | None)
             row.name: _value(row, told[row.name]) for row in rows(RenderSettings) if row.name in told and row.name not in OWN
         }
         asked = RenderSettings(**values)
-        width, height = asked.resolution or (1, 1)
+        if spp is None and asked.sample_range is not None:
+            return replace(asked, aovs=(LIGHTS,))
+        width, height = resolution
         mean = max(round(int(header["samples"]) / (width * height)), 1)
-        return replace(asked, aovs=(LIGHTS,), spp=mean if spp is None else spp)
+        return replace(asked, aovs=(LIGHTS,), sample_range=None, spp=mean if spp is None else spp)
     except (TypeError, ValueError) as error:
         raise SettingsError(f"the picture's header has settings of another version: {error}", code=CODE) from None
 

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ..errors import SettingsError
 from .choices import StopAt
 
 Weights = dict[str, tuple[float, float, float]]
-Weight = float | Sequence[float]
+Weight = float | Iterable[float]
+MOST = 1e20  # largest weight, so that light stays far from the largest float
 NO_MIXES: Mapping[str, Any] = {"stop_at": StopAt.PICTURE, "mixes": ()}  # settings of a picture that stops at none of them
 
 
 def checked_weight(name: str, weight: Weight) -> tuple[float, float, float]:
     """Return a weight for R, G and B; SettingsError if it is not one factor from 0, or three."""
-    values = [float(w) for w in weight] if isinstance(weight, Sequence) else [float(weight)] * 3
-    if len(values) != 3 or not all(math.isfinite(w) and w >= 0 for w in values):
-        sentence = f"the weight of a light is one factor from 0, or three for R, G and B, not {weight!r}"
+    try:
+        values = [float(w) for w in weight] if isinstance(weight, Iterable) else [float(weight)] * 3
+    except (TypeError, ValueError):
+        values = []
+    if len(values) != 3 or not all(0 <= w <= MOST for w in values):
+        sentence = f"the weight of a light is one factor from 0 to {MOST:g}, or three for R, G and B, not {weight!r}"
         raise SettingsError(sentence, where=name, code="lights-weight")
     return values[0], values[1], values[2]
 

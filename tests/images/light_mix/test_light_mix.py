@@ -13,7 +13,7 @@ from pxr import Usd
 from tests.images.aovs.seen import stage_of
 from tests.images.aovs.test_light_paths import GLOW, GREY, PLASTIC, lamp, plane
 
-from primray import Image, LightMix, Scene, compare, read_image, relight, render
+from primray import Image, LightMix, Scene, compare, read_image, relight, render, usd
 from primray.checkpoints.checkpointing import Checkpointing
 from primray.checkpoints.merge import merge
 from primray.cli import run
@@ -197,13 +197,78 @@ def test_unknown_lights_and_pictures_without_parts_are_errors() -> None:
         ({"keys": 1.0}, "lights-unknown"),
         ({"key": -1.0}, "lights-weight"),
         ({"key": (1.0, 2.0)}, "lights-weight"),
+        ({"key": 1e300}, "lights-weight"),
+        ({"key": "half"}, "lights-weight"),
+        ({"key": None}, "lights-weight"),
+        ({"key": ("a", 1, 2)}, "lights-weight"),
     ):
         with pytest.raises(SettingsError) as caught:
-            mix.mixed(weights)
+            mix.mixed(weights)  # type: ignore[arg-type]
         assert caught.value.code == code
     with pytest.raises(SettingsError) as caught:
         LightMix.of(picture(aovs=()))
     assert caught.value.code == "lights-missing"
+
+
+def test_a_mix_has_its_own_error_in_its_header_and_weights_may_be_arrays(tmp_path: Path) -> None:
+    mix = LightMix.of(picture())
+    changed = mix.mixed({"key": np.array([4.0, 2.0, 0.0])})
+    assert np.array_equal(changed.pixels, mix.mixed({"key": (4, 2, 0)}).pixels)
+    changed.save(tmp_path / "mix.exr")
+    header = read_image(tmp_path / "mix.exr").metadata
+    told = {key: value for key, value in header.items() if key.startswith("error.")}
+    assert set(told) == {"error.relmse.estimate", "error.relmse.ci95"}
+    assert float(told["error.relmse.estimate"]) == pytest.approx(changed.report["error"]["relmse"]["estimate"])
+
+
+def test_halves_keep_the_pictures_bits(tmp_path: Path) -> None:
+    picture().save(tmp_path / "half.exr", half=["all"])
+    mix = LightMix.of(tmp_path / "half.exr")
+    assert np.array_equal(mix.mixed({}).pixels, mix.image.pixels)
+    assert not mix.keeps_light
+
+
+def test_where_a_picture_has_less_light_than_its_lights_so_has_the_mix() -> None:
+    """As in the shadow on an invisible ground, in front of a dome that is seen."""
+    image = picture()
+    shade = np.linspace(0.2, 1, SIZE[0])[None, :, None]
+    dark = replace(
+        image, pixels=np.concatenate([image.pixels[..., :3] * shade, image.pixels[..., 3:]], axis=2).astype(np.float32)
+    )
+    weights = {"key": 0.0, "sky": 3.0}
+    mixed = LightMix.of(dark).mixed(weights)
+    assert (mixed.pixels >= 0).all()
+    np.testing.assert_allclose(mixed.pixels[..., :3], relight(image, weights).pixels[..., :3] * shade, rtol=3e-3, atol=1e-6)
+
+
+def test_a_fit_leaves_out_what_no_light_makes_and_refuses_other_spaces_and_regions() -> None:
+    image = picture(spp=64)
+    left = (np.arange(SIZE[0]) < SIZE[0] / 2)[None, :, None]
+    plate = replace(image, pixels=np.where(left, image.pixels + np.array([5.0, 2.0, 1.0, 0.0], np.float32), image.pixels))
+    mix = LightMix.of(plate)
+    found = fit(mix, mix.mixed({"key": 2.0, "fill": 0.5}))
+    assert found.weights["key"].value[0] == pytest.approx(2, rel=0.1)
+    assert found.weights["fill"].value[0] == pytest.approx(0.5, rel=0.1)
+    one_half, other_half = (picture(spp=2, region=(low, 0.0, low + 0.5, 1.0)) for low in (0.0, 0.5))
+    other = picture(spp=2, rendering_color_space="lin_ap1_scene")
+    for one, reference in ((one_half, other_half), (picture(spp=2), other)):
+        with pytest.raises(SettingsError) as caught:
+            fit(LightMix.of(one), reference)
+        assert caught.value.code == "lights-fit"
+
+
+def test_a_layers_samples_stay_where_they_are_under_any_rate(tmp_path: Path) -> None:
+    text = "#usda 1.0\n(\n    timeCodesPerSecond = 30\n)\n"
+    text += 'def SphereLight "key"\n{\n    float inputs:intensity.timeSamples = { 1: 1, 31: 31 }\n}\n'
+    (tmp_path / "shot.usda").write_text(text)
+    written, left_out = usd.weight_layer(Usd.Stage.Open(str(tmp_path / "shot.usda")), {"/key": (2.0, 2.0, 2.0)})
+    (tmp_path / "mix.usda").write_text(written)
+    rate = "    timeCodesPerSecond = 30\n    subLayers = [@mix.usda@, @shot.usda@]\n"
+    (tmp_path / "top.usda").write_text(f"#usda 1.0\n(\n{rate})\n")
+    top = Usd.Stage.Open(str(tmp_path / "top.usda"))
+    intensity = top.GetPrimAtPath("/key").GetAttribute("inputs:intensity")
+    assert not left_out
+    assert [intensity.Get(time) for time in (1, 11, 31)] == [2, 22, 62]
 
 
 def test_the_command_writes_pictures_a_report_and_a_layer_that_renders_the_mix(tmp_path: Path, capsys: Any) -> None:
@@ -244,7 +309,9 @@ def test_a_layer_of_the_stage_is_not_overwritten(tmp_path: Path, capsys: Any, mo
     [
         (["-l", "key"], "NAME=0.5"),
         (["--stops", "key=1,2,3"], "NAME=+1"),
-        (["--only", "sun"], "no light"),
+        (["--only", "key , sun"], "no light 'sun'"),
+        (["--turn-spp", "4"], "--turn"),
+        (["--fit-colors"], "--fit"),
         (["--layer", "x.usda"], "--stage"),
         (["-o", "room.exr"], "overwrite"),
     ],

@@ -14,6 +14,7 @@ from tests.images.light_mix.test_light_mix import FILL, KEY, ROOM, SIZE
 from primray import Image, LightMix, compare, read_image, relight, render, turn_dome
 from primray.cli import run
 from primray.errors import SettingsError
+from primray.render.turned_dome import settings_of_header
 from primray.settings import RenderSettings
 
 LIT = "    float inputs:intensity = 1\n    asset inputs:texture:file = @sky.exr@\n"
@@ -113,6 +114,17 @@ def test_what_cannot_be_turned_is_an_error(
     picture(folder, spp=2).save("few.exr")
     assert run(["relight", "few.exr", *arguments]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("values", [{"region": (0.25, 0.25, 0.75, 0.75), "spp": 16}, {"sample_range": (32, 48), "spp": None}])
+def test_a_part_of_a_picture_has_the_samples_that_it_has(folder: Path, values: dict[str, Any]) -> None:
+    before = LightMix.of(picture(folder, **values))
+    same = turn_dome(before, folder / "room.usda", {"sky": 0})
+    asked = [settings_of_header(mix.image.metadata, mix.image.resolution, None) for mix in (before, same)]
+    assert {(one.spp, one.sample_range, one.region) for one in asked} == {
+        (values["spp"], values.get("sample_range"), values.get("region"))
+    }
+    assert settings_of_header(before.image.metadata, before.image.resolution, 4).spp == 4
 
 
 def test_pictures_without_the_settings_of_a_render_are_refused(folder: Path) -> None:

@@ -108,6 +108,12 @@ def relight(
     if (layer is None and not turns) != (stage is None):
         sentence = "--stage goes with --layer, which changes its lights, and with --turn, which renders a group of them again"
         raise SettingsError(sentence, code="lights-layer")
+    for flag, needs, is_alone in (
+        ("--turn-spp", "--turn", turn_spp is not None and not turns),
+        ("--fit-colors", "--fit", fit_colors and reference is None),
+    ):
+        if is_alone:
+            raise SettingsError(f"{flag} goes with {needs}", where=flag, code="lights-weight")
     for path in outputs or ():
         check_output_path(path)
     for file in (layer, report):
@@ -144,7 +150,7 @@ def relight(
 
 
 def _names(text: str | None) -> list[str] | None:
-    return None if text is None else [name for name in text.split(",") if name]
+    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
 
 
 def _weights(

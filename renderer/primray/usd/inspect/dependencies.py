@@ -111,7 +111,7 @@ def layer_files(stage: Usd.Stage) -> set[str]:
 def check_layer_output(stage: Usd.Stage, path: str | os.PathLike[str], but: str = "") -> None:
     """Raise SettingsError if the layer to write is one that the stage is composed of, whose content would be lost.
 
-    `but`: default prim of layers that may be replaced, since they were written before by the same command.
+    `but`: root prim of layers that may be replaced, since they were written before by the same command.
     """
     target = os.path.realpath(path)
     for layer in stage.GetUsedLayers():
@@ -119,7 +119,7 @@ def check_layer_output(stage: Usd.Stage, path: str | os.PathLike[str], but: str 
             layer
             and layer.realPath
             and os.path.realpath(_file(layer.realPath)) == target
-            and (not but or layer.defaultPrim != but)
+            and (not but or not layer.GetPrimAtPath(f"/{but}"))
         ):
             sentence = "the output would overwrite a layer of the stage: give it another name"
             raise SettingsError(sentence, where=os.fspath(path), code="output-folder")

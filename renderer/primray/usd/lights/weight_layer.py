@@ -8,6 +8,7 @@ from typing import Any
 from pxr import Gf, Sdf, Usd
 
 from ..stage.messages import scene_errors
+from ..stage.metadata import time_codes_per_second
 from ..stage.reads import default_value, value_at
 from ..stage.time_varying import has_spline, sample_times
 
@@ -23,6 +24,7 @@ def weight_layer(stage: Usd.Stage, weights: Mapping[str, tuple[float, float, flo
     """
     layer = Sdf.Layer.CreateAnonymous(".usda")
     target = Usd.Stage.Open(layer)
+    target.SetTimeCodesPerSecond(time_codes_per_second(stage))  # else USD moves the samples of a sublayer
     left_out: dict[str, str] = {}
     for path, weight in weights.items():
         prim = stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None

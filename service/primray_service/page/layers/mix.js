@@ -24,7 +24,7 @@ export function mixOf(layers, weights) {
 }
 
 // Returns the picture with these lights weighed, and `relmse`, its error with a 95 % interval, or null. What no light holds, such
-// as a background, stays as it is.
+// as a background, stays as it is; where the picture has less light than its lights, as in a ground's shadow, so has the mix.
 export function mixed(picture, lights, weights) {
   const count = picture.planes[0].length;
   const planes = [0, 1, 2].map(() => new Float32Array(count));
@@ -40,7 +40,10 @@ export function mixed(picture, lights, weights) {
         difference += weight * lights[k].differences[c][at];
       }
       const rest = picture.planes[c][at] - total;
-      if (Math.abs(rest) > STORED_APART * Math.abs(total)) sum += rest;
+      if (Math.abs(rest) > STORED_APART * Math.abs(total)) {
+        const left = rest < 0 && total > 0 ? Math.max((total + rest) / total, 0) : 1;
+        [sum, difference] = [left * sum + (left === 1 ? rest : 0), left * difference];
+      }
       planes[c][at] = sum;
       errors[c][at] = Number.isNaN(difference) ? Infinity : Math.abs(difference);
       terms[at] += difference ** 2 / (sum ** 2 + 0.01);
