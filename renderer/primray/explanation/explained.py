@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 RENDERS = 15  # with other seeds, for errors
 NAMING_AOVS = ("prim", "instance", "material")  # the core's scene keeps names for them
+WHOLE = (0.0, 0.0, 1.0, 1.0)  # region of the whole frame, whatever part of it the stage orders
 SPLITS = ("light", "kind", "bounce", "prim")
 TITLES = {
     "light": "by light",
@@ -83,7 +84,8 @@ class ExplainedPixel:
     >>> abs(red - pixel.value[0]) < 1e-7
     True
 
-    `value`: R, G, B (float32) of the picture, before a background, a denoiser or a lens's veil; `error`: their standard errors.
+    `value`: R, G, B (float32) of the picture, before a background, the shadow on a ground, a denoiser or a lens's veil;
+    `error`: their standard errors.
     `splits`: parts by "light", "kind", "bounce" and "prim", the largest first.
 
     >>> pixel.save_layer("noise.usda")  # the paths that make its noise, as curves over the stage
@@ -208,14 +210,14 @@ class Explainer:
     def picture(self, settings: RenderSettings, spp: int) -> Image:
         """Return a picture of the whole frame, of at most `spp` samples a pixel."""
         given = DEFAULT_SPP if settings.spp is None else settings.spp
-        asked = replace(settings, **PLAIN, region=None, aovs=(), sample_range=None, spp=min(given, spp))
+        asked = replace(settings, **PLAIN, region=WHOLE, aovs=(), sample_range=None, spp=min(given, spp))
         return self._kept.render(asked, None, "raise", None, (), lambda diagnostics: None)
 
     def prepare(self, x: int, y: int, settings: RenderSettings) -> PixelRender:
         """Return the renders of a pixel."""
         width, height = self._resolution(settings)
         if not (0 <= x < width and 0 <= y < height):
-            sentence = f"the frame has {width} x {height} pixels, and none at {x} {y}"
+            sentence = f"the frame has {width} x {height} pixels, and none at {x} {y}; pixels of an overscan are not explained"
             raise SettingsError(sentence, where="--pixel", code="explain-pixel")
         region = (x / width, 1 - (y + 1) / height, (x + 1) / width, 1 - y / height)
         return PixelRender(self.prepared(settings, region, (*NAMING_AOVS, *EXPRESSIONS)), x, y)

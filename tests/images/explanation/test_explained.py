@@ -171,6 +171,34 @@ def test_pixels_and_renders_that_cannot_be_are_refused(tmp_path: Path) -> None:
     assert refused.value.code == "explain-renders"
 
 
+CROPPED = """
+def RenderSettings "settings" { uniform int2 resolution = (32, 24)
+    rel camera = </cam>
+    uniform float4 dataWindowNDC = (%s, %s, %s, %s)
+}
+"""
+
+
+def windowed(tmp_path: Path, *window: float) -> Path:
+    path = tmp_path / "windowed.usda"
+    head = '(renderSettingsPrimPath = "/settings"\nupAxis = "Y")'
+    path.write_text(ROOM.replace('(upAxis = "Y")', head) + CROPPED % window)
+    return path
+
+
+def test_an_overlay_shows_the_whole_frame_of_a_stage_that_orders_a_part(tmp_path: Path) -> None:
+    line = ["explain", str(windowed(tmp_path, 0.25, 0.25, 0.75, 0.75)), "--pixel", "9", "18", "--spp", "4", "--renders", "0"]
+    assert run([*line, "--overlay", str(tmp_path / "paths.png")]) == 0
+    assert primray.render(windowed(tmp_path, 0.25, 0.25, 0.75, 0.75), spp=1, progress=False).resolution == (16, 12)
+
+
+def test_pixels_of_an_overscan_are_refused_in_words(tmp_path: Path) -> None:
+    stage = windowed(tmp_path, -0.25, -0.25, 1.25, 1.25)
+    assert primray.explain(stage, 31, 23, spp=2, renders=0).frame == (32, 24)
+    with pytest.raises(SettingsError, match="pixels of an overscan are not explained"):
+        primray.explain(stage, -4, 0, spp=2, renders=0)
+
+
 def test_how_a_picture_stops_does_not_matter() -> None:
     stop = {"target_error": 0.01, "adaptive": True, "aovs": ("lights",), "stop_at": "mix", "mixes": ("rest=2",)}
     pixels = [primray.explain(stage_of("glass"), 12, 8, settings(**values), renders=0) for values in ({}, stop)]

@@ -30,7 +30,7 @@ def explain(
         int,
         typer.Option("--renders", metavar="N", help="Further renders of the pixel, from which errors come; 0: no errors."),
     ] = 15,
-    most: Annotated[int, typer.Option("--most", metavar="N", help="Parts of each split to print.")] = 8,
+    most: Annotated[int, typer.Option("--most", metavar="N", min=0, help="Parts of each split to print.")] = 8,
     report: Annotated[str | None, typer.Option(metavar="FILE", help="Write all parts as JSON.", show_default=False)] = None,
     edits: Annotated[
         bool, typer.Option("--edits", help="Try edits that would lessen the noise: time gained, change of the picture.")
