@@ -233,6 +233,8 @@ class TrustedScene:
             return "its paths have other splitting factors"
         if not _is_bare(part.about.beside) or part.film.keys() != film.state().keys():
             return "it has other outputs"
+        if any(part.film[name].shape != own.shape for name, own in film.state().items()):
+            return "it is of another resolution"
         theirs = core.Film(prepared.scene, part.film)
         ends = core.uniform_ends(film, span[1])
         each = (ends - film.next)[:, 0].astype(np.uint32)

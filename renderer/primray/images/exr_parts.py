@@ -145,11 +145,13 @@ def _aov(spec: Any, values: Values) -> Aov:
     samples = spec.get_int_attribute(SAMPLES) or None
     held: dict[str, Values] = {}
     if source not in MADE_OF_PICTURE:
-        for layer in (DIFFERENCE, STDERR):  # in a file they follow the values in the other order
-            count = sum(layer not in channel.split(".") for channel in channels)
-            if 0 < len(channels) - count <= count:
-                held[layer] = values[..., count:]
-                channels, values = channels[:count], values[..., :count]
+        layers = [next((layer for layer in (DIFFERENCE, STDERR) if layer in channel.split(".")), "") for channel in channels]
+        own_channels = layers.count("")
+        for layer in (DIFFERENCE, STDERR):
+            if 0 < layers.count(layer) <= own_channels:
+                held[layer] = values[..., [number for number, each in enumerate(layers) if each == layer]]
+        left = [number for number, each in enumerate(layers) if each not in held]
+        channels, values = tuple(channels[number] for number in left), values[..., left]
     return Aov(
         values=values,
         channels=channels,

@@ -27,6 +27,15 @@ STAGES = (".usd", ".usda", ".usdc", ".usdz")
 ENVIRONMENT = ("OCIO", "PXR_AR_DEFAULT_SEARCH_PATH", SCHEMAS, "PRIMRAY_LANES")
 
 
+def with_real_folder(path: Path) -> Path:
+    """Return an absolute path whose folder has no symbolic links, and which may be one itself.
+
+    A relative path between two such paths leads from one to the other, which ".." through a link does not; a stage that is a
+    link keeps its name, from which its own relative paths are resolved.
+    """
+    return Path(os.path.realpath(path.absolute().parent)) / path.name
+
+
 def files_of(stage: Path, settings: RenderSettings) -> list[str]:
     """Return all files that a stage and the settings name, those of the stage first."""
     from .. import usd

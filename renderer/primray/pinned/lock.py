@@ -100,6 +100,7 @@ class Lock:
             found = json.loads(path.read_text(encoding="utf-8"))
             if found.pop("type") != TYPE or found.pop("format") != FORMAT:
                 raise ValueError("it is of another format")
+            _check_types(found)
             seals = found.pop("seals")
             sections = {name: value for name, value in found.items() if name not in ("stage", "file")}
             broken = tuple(name for name, value in sections.items() if seals.get(name) != seal(value))
@@ -116,17 +117,18 @@ class Lock:
             lock._check()
         except OSError as error:
             raise SettingsError(f"the lock cannot be read: {error.strerror}", where=str(path), code="lock-unreadable") from None
-        except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError) as error:
             raise SettingsError(f"it is no lock of a picture: {error}", where=str(path), code="lock-unreadable") from None
         return lock, broken
 
     def _check(self) -> None:
         picture = self.picture
         count = picture.grid[0] * picture.grid[1]
-        if len(picture.tiles) != count or any(len(row.tiles) != count * SHORT for row in picture.passes):
+        passes_are_whole = all(isinstance(row.tiles, str) and len(row.tiles) == count * SHORT for row in picture.passes)
+        if len(picture.tiles) != count or not passes_are_whole:
             raise ValueError("hashes of tiles are missing")
         for counts in (picture.counts, *(row.counts for row in picture.passes)):
-            if len(counts) not in (1, count) or any(len(pair) != 2 or min(pair) < 0 for pair in counts):
+            if len(counts) not in (1, count) or not all(map(_is_pair_of_counts, counts)):
                 raise ValueError("counts of samples are missing")
 
     def as_json(self) -> dict[str, Any]:
@@ -141,6 +143,36 @@ class Lock:
         return json.dumps(self.as_json(), indent=1, ensure_ascii=False) + "\n"
 
 
+# What each member of a lock is. The settings are checked as such, and `picture` as its parts are.
+_TEXTS = ("inputs", "versions", "environment", "scene", "aovs", "seals")
+
+
+def _check_types(found: Mapping[str, Any]) -> None:
+    """Raise ValueError for a member that is not of its type."""
+    for name in ("stage", "file", "isa"):
+        if not (isinstance(found[name], str) and "\0" not in found[name]) and (name, found[name]) != ("file", None):
+            raise ValueError(f"its {name} is no text")
+    for name in ("settings", "error", "picture", *_TEXTS):
+        if not isinstance(found[name], dict):
+            raise ValueError(f"its {name} are no object")
+    for name in _TEXTS:
+        if not all(isinstance(text, str) and "\0" not in key for key, text in found[name].items()):
+            raise ValueError(f"its {name} are no texts")
+    picture = found["picture"]
+    if not all(isinstance(text, str) for text in (picture["pixels_sha256"], *picture["tiles"])):
+        raise ValueError("its hashes are no texts")
+    if not _is_count(picture["samples"]):
+        raise ValueError("its number of samples is no number")
+
+
+def _is_count(value: Any) -> bool:
+    return type(value) is int and 0 <= value < 2**63
+
+
+def _is_pair_of_counts(pair: Any) -> bool:
+    return len(pair) == 2 and all(type(n) is int and 0 <= n < 2**32 for n in pair)
+
+
 def seal(section: Any) -> str:
     """Return the SHA-256 of a section's JSON, whatever its spaces and the order of its keys."""
     text = json.dumps(section, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
@@ -149,7 +181,9 @@ def seal(section: Any) -> str:
 
 def _pair(values: Sequence[int]) -> tuple[int, int]:
     first, second = values
-    return int(first), int(second)
+    if not all(type(value) is int and abs(value) < 2**31 for value in (first, second)):
+        raise ValueError(f"{values!r} are not two whole numbers")
+    return first, second
 
 
 def counts_of(ends: Counts) -> list[list[int]]:

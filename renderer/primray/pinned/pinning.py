@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
+import numpy as np
+
 from ..aovs import has_deep
 from ..content_hash import hash_of_array
 from ..diagnostic_messages import Announcer
@@ -20,11 +22,13 @@ from ..render.render import picture_of, with_setting_names
 from ..report.report import Costs
 from ..sampling.sampling import Sampling
 from ..settings import Ground, RenderSettings, with_values
-from .inputs import environment, files_of, hashes, settings_for_lock, versions
+from .inputs import environment, files_of, hashes, settings_for_lock, versions, with_real_folder
 from .lock import SHORT, SUFFIX, Lock, Pass, Picture, counts_of, hashes_of_tiles
 from .things import things_of
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from ..core import Film
     from ..description import SceneDescription
     from ..images.image import Image
@@ -73,14 +77,15 @@ def pin(
     settings = with_values(settings, values)
     if not isinstance(stage, str | os.PathLike):
         raise SettingsError("pinning needs the stage's path, whose files are hashed", where="stage", code="pin-setting")
-    root = Path(stage).absolute()
+    root = with_real_folder(Path(stage))
     place = _place(root, picture, lock)
     check(settings)
+    _check_outputs(root, settings, place, None if picture is None else Path(picture))
     with shown_progress(progress) as shown:
         found, image = _rendered(root, settings, shown, Announcer(stage))
     if picture is not None:
         found = replace(found, file=_saved(image, Path(picture), place, found.picture.pixels_sha256))
-    found = replace(found, stage=Path(os.path.relpath(root, place.absolute().parent)).as_posix())
+    found = replace(found, stage=Path(os.path.relpath(root, with_real_folder(place).parent)).as_posix())
     from ..images.image import write_text
 
     write_text(place, found.text)
@@ -99,6 +104,20 @@ def _place(stage: Path, picture: str | os.PathLike[str] | None, lock: str | os.P
     place = beside.with_name(f"{beside.stem}{SUFFIX}") if lock is None else Path(lock)
     check_folder(place)
     return place
+
+
+def _check_outputs(stage: Path, settings: RenderSettings, lock: Path, picture: Path | None) -> None:
+    """Raise SettingsError where the lock or the picture would replace a file that the picture is made of, or the other one."""
+    if picture is not None and _is_same(lock, picture):
+        raise SettingsError("the lock and the picture are the same file", where=str(lock), code="pin-output")
+    inputs = {os.path.realpath(path) for path in files_of(stage, settings)}
+    for path in (lock, picture):
+        if path is not None and os.path.realpath(path) in inputs:
+            raise SettingsError("it would replace a file that the picture is made of", where=str(path), code="pin-output")
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    return os.path.realpath(one) == os.path.realpath(other)
 
 
 def check(settings: RenderSettings) -> None:
@@ -205,7 +224,12 @@ def _sampled(prepared: Prepared, passes: list[Pass], progress: Progress) -> Samp
 
 
 def hashes_of_aovs(aovs: Mapping[str, Any]) -> dict[str, str]:
-    return {name: hash_of_array(aov.values) for name, aov in sorted(aovs.items())}
+    """Return the hash of each AOV's values, as a file has them: real numbers in 32 bits."""
+    return {name: hash_of_array(_as_stored(aov.values)) for name, aov in sorted(aovs.items())}
+
+
+def _as_stored(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    return values.astype(np.float32) if values.dtype.kind == "f" else values
 
 
 def _saved(image: Image, path: Path, lock: Path, sha256: str) -> str:
@@ -217,4 +241,4 @@ def _saved(image: Image, path: Path, lock: Path, sha256: str) -> str:
     if pixels_sha256(read_image(path).pixels) != sha256:
         sentence = "the EXR does not hold the picture's bits, as the stage's product orders other channels"
         raise SettingsError(sentence, where=str(path), code="pin-output")
-    return Path(os.path.relpath(path, lock.absolute().parent)).as_posix()
+    return Path(os.path.relpath(with_real_folder(path), with_real_folder(lock).parent)).as_posix()

@@ -26,7 +26,7 @@ from ..report.report import Costs
 from ..settings import RenderSettings
 from .attestation import difference_of_attestation
 from .difference import Difference, differences_between
-from .inputs import environment, files_of, hashes, hashes_now, settings_for_lock, settings_of_lock, versions
+from .inputs import environment, files_of, hashes, hashes_now, settings_for_lock, settings_of_lock, versions, with_real_folder
 from .lock import SHORT, Lock, Picture
 from .pinning import hashes_of_aovs, prepared_for
 
@@ -112,8 +112,10 @@ def verify(
     if not 0 <= share <= 1:
         raise SettingsError(f"a share is 0 to 1, not {share:g}", where="share", code="verify-share")
     place = Path(lock)
+    if seed is not None and seed < 0:
+        raise SettingsError(f"a seed is 0 or more, not {seed}", where="seed", code="verify-seed")
     found, broken = Lock.read(place)
-    root = (place.absolute().parent / found.stage if stage is None else Path(stage)).resolve()
+    root = with_real_folder(with_real_folder(place).parent / found.stage if stage is None else Path(stage))
     if not root.is_file():
         raise SettingsError("there is no such stage; --stage names where it is", where=str(root), code="verify-stage")
     file = _file(found, place, picture)
@@ -125,7 +127,7 @@ def verify(
 def _file(lock: Lock, place: Path, picture: str | os.PathLike[str] | Literal[False] | None) -> Path | None:
     if picture is False or (picture is None and lock.file is None):
         return None
-    return place.absolute().parent / str(lock.file) if picture is None else Path(picture)
+    return with_real_folder(place).parent / str(lock.file) if picture is None else Path(picture)
 
 
 class _Found(Exception):
@@ -146,6 +148,7 @@ class _Verifier:
         self.ranges: tuple[tuple[int, int, int], ...] = ()
         self.suspects: tuple[int, ...] = ()  # tiles whose bits in the file are not those of the lock
         self.stored: Floats | None = None
+        self.stored_aovs: dict[str, str] = {}  # hashes of those that the file has with all of their bits
         self.settings = self._settings(threads)
 
     def _settings(self, threads: int | None) -> RenderSettings:
@@ -235,7 +238,8 @@ class _Verifier:
         if not self.file.exists():
             raise _Found(Difference("picture", str(self.file), "there", None))
         try:
-            pixels = read_image(self.file).pixels
+            image = read_image(self.file)
+            pixels = image.pixels
         except PrimrayError as error:
             raise _Found(Difference("picture", str(self.file), "readable", error.message)) from None
         if pixels.shape[1::-1] != self.picture.resolution:
@@ -245,15 +249,24 @@ class _Verifier:
         self.stored = pixels
         wanted = enumerate(self.picture.tiles)
         self.suspects = tuple(tile for tile, digest in wanted if pixels_sha256(pixels[self.picture.box(tile)]) != digest)
+        exact = {name: aov for name, aov in image.aovs.items() if aov.stored != "half"}
+        self.stored_aovs = hashes_of_aovs(exact)
+        lost = [name for name in self.lock.aovs if name not in exact]
+        if lost:
+            self.notes.append(f"{self.file} does not have all bits of {', '.join(lost)}")
+        if unknown := [name for name in image.aovs if name not in self.lock.aovs]:
+            self.notes.append(f"{self.file} also has {', '.join(unknown)}, of which the lock says nothing")
 
     def _compare_pixels(self, share: float, seed: int | None) -> None:
         chosen = self._chosen(share, seed)
+        prepared = self._prepared()
+        if len(chosen) < len(self.picture.tiles) and not self.suspects:
+            self._compare_aovs_of_file()
         if not chosen:
             if self.suspects:
                 raise _Found(self._of_file(self.suspects[0], None))
             self.notes.append("no pixel was rendered again")
             return
-        prepared = self._prepared()
         with interruption() as asked:
             self._asked = asked
             pixels = self._rendered(prepared, chosen, self.picture.ends())
@@ -272,10 +285,11 @@ class _Verifier:
         random = np.random.default_rng(seed)
         count = len(self.picture.tiles)
         chosen = sorted(random.choice(count, math.ceil(share * count), replace=False).tolist())
+        prepared = self._prepared()
+        self._compare_aovs_of_file()
         if not chosen or not self.picture.passes:
             self.notes.append("no pixel was rendered again")
             return
-        prepared = self._prepared()
         with interruption() as asked:
             self._asked = asked
             for tile in chosen:
@@ -409,15 +423,27 @@ class _Verifier:
         from ..render.render import find_aovs
         from ..sampling.sampling import Sampling
 
-        if (now := pixels_sha256(pixels)) != self.picture.pixels_sha256:
-            raise _Found(Difference("lock", "pixels_sha256: all tiles are the same", self.picture.pixels_sha256, now))
+        if (whole := pixels_sha256(pixels)) != self.picture.pixels_sha256:
+            raise _Found(Difference("lock", "pixels_sha256: all tiles are the same", self.picture.pixels_sha256, whole))
         if not self.lock.aovs:
             return
         sampling = Sampling.begin(prepared.scene, prepared.settings)
         sampling.film = self._film
         aovs, _ = find_aovs(prepared, sampling, Costs(), Diagnostics())
-        for difference in differences_between("pixels", self.lock.aovs, hashes_of_aovs(aovs)):
-            raise _Found(self._blamed(replace(difference, what=f"AOV {difference.what}")))
+        now = hashes_of_aovs(aovs)
+        for difference in differences_between("pixels", self.lock.aovs, now):
+            name = difference.what
+            if name in now and self.stored_aovs.get(name) == now[name]:
+                what = f"hash of AOV {name}: the picture's file and the render have the same values, which are not the lock's"
+                raise _Found(replace(difference, kind="lock", what=what))
+            raise _Found(self._blamed(replace(difference, what=f"AOV {name}")))
+        self._compare_aovs_of_file()
+
+    def _compare_aovs_of_file(self) -> None:
+        """Find the first AOV of the picture's file that is not the one that was pinned."""
+        pinned = {name: self.lock.aovs[name] for name in self.stored_aovs if name in self.lock.aovs}
+        for difference in differences_between("picture", pinned, {name: self.stored_aovs[name] for name in pinned}):
+            raise _Found(replace(difference, what=f"{self.file}: AOV {difference.what}"))
 
     def _blamed(self, difference: Difference) -> Difference:
         """Return the version or ISA class that differs in place of what differs with it."""

@@ -178,6 +178,10 @@ def test_a_part_of_another_scene_build_or_count_is_refused(stage: Path, tmp_path
     assert said(identity={**header["identity"], "scene.lights": "0"}) == "it is of another render: scene.lights differs"
     assert said(ranges=[[8, 12]]) == "it has samples 8:12"
     assert said(splits=[2, 1]) == "its paths have other splitting factors"
+    other = tmp_path / "other.prc"
+    honest(stage, replace(SETTINGS, resolution=(32, 32)), other)  # smaller, under the identity of what was asked for
+    write_checkpoint(part, {**plain, "frame": read_checkpoint(other)[0]["frame"]}, read_checkpoint(other)[1])
+    assert fault(stage, part, 1) == "it is of another resolution"
     fewer = {**arrays, "film.counts": arrays["film.counts"] - np.uint32(1)}
     write_checkpoint(part, plain, fewer)
     assert fault(stage, part, 1) == "its pixels do not have all of their samples"

@@ -229,7 +229,10 @@ def test_ranges_of_adaptive_pictures_are_those_of_each_tile(tmp_path: Path) -> N
 
 def test_an_aov_that_differs_is_found(lock: Path) -> None:
     changed(lock, lambda found: found["aovs"].update(depth="0" * 64))
-    assert difference_of(lock).what == "AOV depth (code or machine)"
+    assert difference_of(lock, picture=False).what == "AOV depth (code or machine)"
+    found = difference_of(lock)
+    assert found.kind == "lock"
+    assert found.what.startswith("hash of AOV depth: the picture's file and the render have the same values")
 
 
 def test_versions_are_a_note_and_to_blame_where_pixels_differ(lock: Path) -> None:
