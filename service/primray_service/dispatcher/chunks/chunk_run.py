@@ -5,11 +5,14 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from ...executor.base import Chunk, Ended, Executor
 from ...jobs import Json
-from .messages import Inbox, NotBelieved
+from ..context import Context
+from . import adoption
+from .messages import Checkpoint, Inbox, NotBelieved
 
 LEAVE_S = 0.3  # grace period for a worker to exit after its last message
 STAY_S = 2.0  # grace period to get ready for the next chunk, which takes less than starting another worker
@@ -108,3 +111,19 @@ class ChunkRun:
             self.handle.kill()
             await asyncio.wait([self._ending])
         self.release()
+
+
+async def adopt_checkpoint_of(run: ChunkRun, message: Checkpoint, target: Path, context: Context) -> bool:
+    """Adopt the file of a checkpoint that a chunk reports, and return whether that was possible. A chunk whose file is not as
+    reported is distrusted, and one for whose file the disk has no room is killed."""
+    source = run.handle.folder / message.file
+    try:
+        await context.calls.disk(adoption.adopt_checkpoint, context.data, source, target, context.limits.output_bytes)
+    except adoption.NotAdopted:
+        run.distrust()
+    except OSError:
+        context.disk_is_full = True
+        run.kill("storage")
+    else:
+        return True
+    return False

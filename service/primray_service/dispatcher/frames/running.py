@@ -19,7 +19,7 @@ from ...queue.estimates import MOST_RATES
 from ...queue.order import Key, Running
 from ...store.base import Claim
 from ..chunks import adoption, commands
-from ..chunks.chunk_run import ChunkRun
+from ..chunks.chunk_run import ChunkRun, adopt_checkpoint_of
 from ..chunks.commands import stage_inputs
 from ..chunks.messages import Checkpoint
 from ..context import Context
@@ -285,17 +285,7 @@ class RunningFrame:
             return
         name = adoption.checkpoint_file(message.number, frame.number, run.chunk.id)
         folder = context.data.job(self.job.id)
-        source = run.handle.folder / message.file
-        try:
-            await context.calls.disk(
-                adoption.adopt_checkpoint, context.data, source, folder / name, context.limits.output_bytes
-            )
-        except adoption.NotAdopted:
-            run.distrust()
-            return
-        except OSError:
-            context.disk_is_full = True
-            run.kill("storage")
+        if not await adopt_checkpoint_of(run, message, folder / name, context):
             return
         accepted = await context.calls.store(
             context.store.accept_checkpoint,

@@ -15,7 +15,7 @@ from ...executor.base import Ended
 from ...jobs import Frame, Job, Json, Part, PartState, Scene
 from ...problems import Problem
 from ..chunks import adoption, commands
-from ..chunks.chunk_run import ChunkRun
+from ..chunks.chunk_run import ChunkRun, adopt_checkpoint_of
 from ..chunks.commands import stage_inputs
 from ..chunks.messages import Checkpoint, Inbox
 from ..context import Context
@@ -142,17 +142,7 @@ class PartRun:
             return
         name = adoption.part_file(part.first, message.number, part.frame, run.chunk.id)
         folder = context.data.job(part.job_id)
-        try:
-            source = run.handle.folder / message.file
-            await context.calls.disk(
-                adoption.adopt_checkpoint, context.data, source, folder / name, context.limits.output_bytes
-            )
-        except adoption.NotAdopted:
-            run.distrust()
-            return
-        except OSError:
-            context.disk_is_full = True
-            run.kill("storage")
+        if not await adopt_checkpoint_of(run, message, folder / name, context):
             return
         taken = replace(part, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
         if not await context.calls.store(context.store.accept_part, context.fence, self._frame, taken):

@@ -12,7 +12,7 @@ from ..base import Conflict
 from ..database import schema
 from ..database.engine import Operations, Transaction
 from ..database.rows import FRAME_COLUMNS, JOB_COLUMNS, frame_of
-from .open_job import OpenJob, open_job
+from .open_job import OpenJob, open_known_job
 from .scenes import lock_scene
 from .tenants import check_room_for_job
 
@@ -22,7 +22,7 @@ jobs, frames, parts = schema.jobs, schema.frames, schema.parts
 class Interventions(Operations):
     def request_pause(self, job_id: str, now: float) -> Job:
         def work(transaction: Transaction[Job]) -> Job:
-            opened = _opened(transaction, job_id)
+            opened = open_known_job(transaction, job_id)
             if opened.job.state in (JobState.PAUSING, JobState.PAUSED):
                 return opened.job
             if opened.job.state in TERMINAL or opened.job.state == JobState.CANCELING:
@@ -35,7 +35,7 @@ class Interventions(Operations):
 
     def request_resume(self, job_id: str, now: float) -> Job:
         def work(transaction: Transaction[Job]) -> Job:
-            opened = _opened(transaction, job_id)
+            opened = open_known_job(transaction, job_id)
             job = opened.job
             if job.state == JobState.PAUSED:
                 opened.move(JobState.QUEUED, now, {"queued_at": now, "expires_at": now + job.ttl_s})
@@ -54,7 +54,7 @@ class Interventions(Operations):
             if found is None:
                 raise KeyError(job_id)
             scene = lock_scene(transaction, found.tenant, found.scene_id, used_at=now)
-            opened = _opened(transaction, job_id)
+            opened = open_known_job(transaction, job_id)
             frame = _frame(transaction, job_id, number)
             if frame.attempt == attempt + 1 and transaction.previous is not None:
                 return opened.job  # this very call, repeated
@@ -71,13 +71,6 @@ class Interventions(Operations):
             return opened.save()
 
         return self._db.write(work)
-
-
-def _opened(transaction: Transaction[Any], job_id: str) -> OpenJob:
-    opened = open_job(transaction, job_id)
-    if opened is None:
-        raise KeyError(job_id)
-    return opened
 
 
 def _frame(transaction: Transaction[Any], job_id: str, number: int) -> Frame:

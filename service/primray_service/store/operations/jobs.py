@@ -21,7 +21,7 @@ from ..database import schema
 from ..database.engine import Operations, Transaction
 from ..database.rows import JOB_COLUMNS, delivery_of, event_of, job_of, output_of, read_cursor, values_of_job, write_cursor
 from .leases import check_fence, look_at_fence
-from .open_job import OpenJob, open_job
+from .open_job import OpenJob, open_job, open_known_job
 from .scenes import lock_scene
 from .tenants import check_room_for_job, count_bytes
 
@@ -91,7 +91,7 @@ class Jobs(Operations):
             raise ValueError(f"{sorted(changes.keys() - CHANGEABLE)} cannot be changed")
 
         def work(transaction: Transaction[Job]) -> Job:
-            opened = _opened(transaction, job_id)
+            opened = open_known_job(transaction, job_id)
             job = opened.job
             done = all(getattr(job, name) == value for name, value in changes.items())
             if version is not None and job.version != version and not (done and job.version == version + 1):
@@ -111,7 +111,7 @@ class Jobs(Operations):
 
     def request_cancel(self, job_id: str, now: float) -> Job:
         def work(transaction: Transaction[Job]) -> Job:
-            opened = _opened(transaction, job_id)
+            opened = open_known_job(transaction, job_id)
             if opened.job.state in (JobState.CANCELING, JobState.CANCELED):
                 return opened.job
             if opened.job.state in TERMINAL:
@@ -131,7 +131,7 @@ class Jobs(Operations):
             if found is None:
                 raise KeyError(job_id)
             scene = lock_scene(transaction, found.tenant, found.scene_id, used_at=now)
-            opened = _opened(transaction, job_id)
+            opened = open_known_job(transaction, job_id)
             job = opened.job
             settings = {**job.settings, "stop": stop}
             if job.state == JobState.QUEUED and job.queued_at == now and job.settings == settings and job.attempt > 1:
@@ -180,13 +180,6 @@ class Jobs(Operations):
             return expired, list(transaction.execute(ended).scalars())
 
         return self._db.write(work)
-
-
-def _opened(transaction: Transaction[Any], job_id: str) -> OpenJob:
-    opened = open_job(transaction, job_id)
-    if opened is None:
-        raise KeyError(job_id)
-    return opened
 
 
 def _earlier(transaction: Transaction[Any], job: Job, idempotency: tuple[str, str] | None) -> Job | None:

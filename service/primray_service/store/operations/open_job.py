@@ -145,6 +145,14 @@ def open_job(transaction: Transaction[Any], job_id: str) -> OpenJob | None:
     return OpenJob(transaction, row) if row else None
 
 
+def open_known_job(transaction: Transaction[Any], job_id: str) -> OpenJob:
+    """Open a job, locking its row; KeyError where there is none."""
+    opened = open_job(transaction, job_id)
+    if opened is None:
+        raise KeyError(job_id)
+    return opened
+
+
 def open_jobs(transaction: Transaction[Any], job_ids: Collection[str]) -> Mapping[str, OpenJob]:
     """Open those jobs that exist, locking their rows in one order."""
     found = select(jobs).where(jobs.c.id.in_(job_ids)).order_by(jobs.c.id).with_for_update()
