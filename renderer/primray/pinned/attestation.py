@@ -156,12 +156,13 @@ def _statement(envelope: Any, path: Path) -> dict[str, Any]:
 
 
 def _private_key(path: str | os.PathLike[str]) -> Ed25519PrivateKey:
+    from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
     try:
         found = load_pem_private_key(Path(path).read_bytes(), None)
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as error:
         raise _no_key(path, "private", error) from None
     if not isinstance(found, Ed25519PrivateKey):
         raise _no_key(path, "private", "it is of another kind")
@@ -169,12 +170,13 @@ def _private_key(path: str | os.PathLike[str]) -> Ed25519PrivateKey:
 
 
 def _public_key(path: str | os.PathLike[str]) -> Ed25519PublicKey:
+    from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
     try:
         found = load_pem_public_key(Path(path).read_bytes())
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as error:
         raise _no_key(path, "public", error) from None
     if not isinstance(found, Ed25519PublicKey):
         raise _no_key(path, "public", "it is of another kind")

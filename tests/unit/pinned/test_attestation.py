@@ -18,6 +18,9 @@ from primray.pinned.verification import verify
 
 from .shot import changed, write_shot
 
+# A public key on a curve of WAP, which the library reads and does not support.
+OF_WAP = "MD4wEAYHKoZIzj0CAQYFZysBBAkDKgAEJevrv6GS6r6QHpX+GPQv3FHFBS15nusCR7c7UhYMIRSqfx+O0mnY3w=="
+
 dsse = pytest.importorskip("securesystemslib.dsse", reason="no securesystemslib")
 ed25519 = pytest.importorskip("cryptography.hazmat.primitives.asymmetric.ed25519", reason="no cryptography")
 
@@ -123,6 +126,9 @@ def test_files_that_are_no_keys_and_no_attestations_are_refused(signed: tuple[Pa
         verify(lock, key=secret)
     with pytest.raises(SettingsError, match="no Ed25519 private key"):
         attest(lock, tmp_path / "none")
+    (tmp_path / "odd.pem").write_text(f"-----BEGIN PUBLIC KEY-----\n{OF_WAP}\n-----END PUBLIC KEY-----\n")
+    with pytest.raises(SettingsError, match="no Ed25519 public key"):
+        verify(lock, key=tmp_path / "odd.pem")
     for text in ("{}", "no JSON", json.dumps({"payload": "", "payloadType": "", "signatures": [{}]})):
         (tmp_path / "bad.jsonl").write_text(text)
         with pytest.raises(SettingsError, match="it is no attestation"):

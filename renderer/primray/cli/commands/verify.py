@@ -120,7 +120,7 @@ def _lines(lock: str, found: Verification) -> Iterator[str]:
         )
         yield "what is in no such range was not rendered, nor were the sums of all ranges"
     else:
-        yield f"{lock}: the same inputs; nothing was rendered"
+        yield f"{lock}: the same inputs and settings; nothing was rendered"
     if found.file is not None:
         yield f"{found.file} has the bits of the lock in every pixel"
     yield from found.notes

@@ -33,7 +33,7 @@ def test_a_pinned_picture_is_proven(folder: Path, capfd: pytest.CaptureFixture[s
     assert run(["verify", "a.lock.json", "--share", "0", "--picture", "none"]) == 0
     said = capfd.readouterr().out
     assert said.splitlines() == [
-        "a.lock.json: the same inputs; nothing was rendered",
+        "a.lock.json: the same inputs and settings; nothing was rendered",
         "no file of the picture was compared",
         "no pixel was rendered again",
     ]
