@@ -1,8 +1,9 @@
 # The project's commands; plain `make` lists them. Everything happens in .venv, build/ and out/.
 
 .DEFAULT_GOAL := help
+IS_USABLE = import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 /usr/bin/python3; do \
-  "$$p" -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' 2>/dev/null && echo "$$p" && break; done)
+  "$$p" -c '$(IS_USABLE)' 2>/dev/null && echo "$$p" && break; done)
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # Byte-compiling 200 MB of packages takes longer than installing them; only what every start imports is compiled (2 s), since
@@ -118,6 +119,7 @@ clean:  ## remove everything that was made
 .venv/.locked: requirements-dev.lock
 	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 to 3.14 with the venv module found; install one (Debian: python3-venv)," \
 	  "or name it: make PYTHON=/path/to/python3 ..." >&2; exit 1; }
+	@"$(PYTHON)" -c '$(IS_USABLE)' 2>/dev/null || { echo "make: $(PYTHON) is no Python 3.11 to 3.14 with the venv module" >&2; exit 1; }
 	$(PYTHON) -m venv --clear .venv
 	@echo "installing packages into .venv (a minute or so) ..."
 	@$(INSTALL) $$(sed -n 's/^\(uv==[^ ]*\).*/\1/p' requirements-dev.lock) || echo "going on without uv"
