@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import socket
 import sys
 import tempfile
 from contextlib import suppress
@@ -19,6 +20,7 @@ from primray.errors import SettingsError
 from ..cli.exits import CommandError
 
 EXTRA = ("mcp", "pydantic", "uvicorn")
+ADDRESS = "127.0.0.1"
 MEMORY_SHARE = 0.5  # of the machine's, unless --max-memory says otherwise
 
 
@@ -58,10 +60,19 @@ def mcp(
         output = Path(made) if output_dir is None else _made(output_dir)
         access = Access(roots=roots, output=output, most_seconds=max_seconds)
         limits = SceneLimits(memory_bytes=memory, threads=threads or len(os.sched_getaffinity(0)))
-        if http:
-            print(f"primray shows stages to agents at http://127.0.0.1:{port}/mcp", file=sys.stderr, flush=True)
+        listener = _listener(port) if http else None
+        if listener is not None:
+            print(f"primray shows stages to agents at http://{ADDRESS}:{port}/mcp", file=sys.stderr, flush=True)
         with suppress(KeyboardInterrupt):  # a signal is how a server ends
-            asyncio.run(serve(create_server(access, limits), "http" if http else "stdio", port))
+            asyncio.run(serve(create_server(access, limits), listener))
+
+
+def _listener(port: int) -> socket.socket:
+    try:
+        return socket.create_server((ADDRESS, port))
+    except OSError as error:
+        sentence = f"port {port} of {ADDRESS} cannot be listened on: {os.strerror(error.errno or 0)}"
+        raise CommandError("port", sentence, where="port") from None
 
 
 def _folder(path: Path, where: str) -> Path:

@@ -8,13 +8,15 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import socket
 import time
 from collections.abc import AsyncIterator, Coroutine, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
+import uvicorn
 from mcp.server import MCPServer
 from mcp.server.mcpserver import Context
 from mcp.server.mcpserver.exceptions import ResourceError, ToolError
@@ -29,6 +31,7 @@ from .scene_processes import SceneLimits, SceneProcesses
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 MOST_VIEWS = 6
 MOST_SESSIONS, SESSION_IDLE_S, MOST_BODY_BYTES = 64, 1800.0, 2**20
+SHUTDOWN_S = 2
 PROGRESS_S = 1.0  # between reports of progress
 GRACE_S = 30.0  # of an answer beyond its seconds, for opening and preparing a heavy stage
 INSTRUCTIONS = (
@@ -376,15 +379,16 @@ def _forbid_unknown_arguments(app: MCPServer[Any]) -> None:
         tool.parameters["additionalProperties"] = False
 
 
-async def serve(app: MCPServer[Any], over: Literal["stdio", "http"], port: int) -> None:
-    """Serve until stdin ends, or over HTTP on this machine alone until a signal."""
-    if over == "stdio":
+async def serve(app: MCPServer[Any], listener: socket.socket | None) -> None:
+    """Serve HTTP until a signal, which ends answers that take longer than SHUTDOWN_S; without a listener until stdin ends."""
+    if listener is None:
         await app.run_stdio_async()
         return
-    await app.run_streamable_http_async(
-        port=port,
+    over_http = app.streamable_http_app(
         json_response=True,
         max_sessions=MOST_SESSIONS,
         session_idle_timeout=SESSION_IDLE_S,
         max_request_body_size=MOST_BODY_BYTES,
     )
+    config = uvicorn.Config(over_http, log_level="warning", timeout_graceful_shutdown=SHUTDOWN_S)
+    await uvicorn.Server(config).serve([listener])

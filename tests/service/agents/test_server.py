@@ -482,18 +482,24 @@ def test_pictures_are_bounded() -> None:
     assert looks.pictures_of({"a": np.zeros((64, 64, 3), np.uint8)})[0]["type"] == "image/png"
 
 
-@asynccontextmanager
-async def _over_http(folder: Path) -> AsyncIterator[mcp.Client]:
+def _served(folder: Path) -> tuple[subprocess.Popen[bytes], int]:
+    """Return a server over HTTP and its port, once it listens."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     child = subprocess.Popen([*PRIMRAY, "--root", str(folder), "--http", "--port", str(port)], stderr=subprocess.DEVNULL)
+    for _ in range(600):
+        with socket.socket() as trial:
+            if trial.connect_ex(("127.0.0.1", port)) == 0:
+                break
+        time.sleep(0.1)
+    return child, port
+
+
+@asynccontextmanager
+async def _over_http(folder: Path) -> AsyncIterator[mcp.Client]:
+    child, port = await asyncio.to_thread(_served, folder)
     try:
-        for _ in range(600):
-            with socket.socket() as trial:
-                if trial.connect_ex(("127.0.0.1", port)) == 0:
-                    break
-            await asyncio.sleep(0.1)
         async with mcp.Client(f"http://127.0.0.1:{port}/mcp") as client:
             yield client
     finally:
@@ -523,6 +529,39 @@ def test_the_command_serves(folder: Path, over: Any) -> None:
             assert "stage-open" in await _refused(client, "look", scene=_broken(folder))
 
     asyncio.run(calls())
+
+
+def test_a_port_that_is_taken_is_refused(folder: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        command = [*PRIMRAY, "--root", str(folder), "--http", "--port", str(port)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert done.stderr == f"error: port: port {port} of 127.0.0.1 cannot be listened on: Address already in use [port]\n"
+
+
+CLIENT = """
+import asyncio, mcp, sys
+async def render():
+    async with mcp.Client(f"http://127.0.0.1:{sys.argv[1]}/mcp") as client:
+        await client.call_tool("render", dict(scene="toys.usda", name="slow", seconds=60, target_error=1e-12, size=4096))
+asyncio.run(render())
+"""
+
+
+def test_a_signal_ends_a_server_that_is_rendering(folder: Path) -> None:
+    server, port = _served(folder)
+    client = subprocess.Popen([sys.executable, "-c", CLIENT, str(port)], stderr=subprocess.DEVNULL)
+    try:
+        time.sleep(6)  # the client's imports, its first call, and part of the minute that it asks for
+        begun = time.monotonic()
+        server.send_signal(signal.SIGTERM)
+        assert server.wait(30) in (0, -signal.SIGTERM)
+        assert time.monotonic() - begun < 20
+    finally:
+        server.kill()
+        client.kill()
+        client.wait()
 
 
 def _broken(folder: Path) -> str:
