@@ -314,8 +314,8 @@ def repair_hair(stage: Usd.Stage, layer_stage: Usd.Stage, systems: dict[str, Hai
             note("hair-material", look, "the material of hair on an object that is not rendered is not exported")
         elif material is not None and not UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]:
             UsdShade.MaterialBindingAPI.Apply(over.GetPrim()).Bind(UsdShade.Material(material))
-        # Cycles' strands go through all their keys. The exporter writes straight pieces, and in Blender 4.5 a B-spline, which ends
-        # before the first and the last key.
+        # Cycles' strands go through all their keys. The exporter writes straight pieces, and in Blender 4.5 a B-spline, which
+        # leaves out the first and the last piece.
         over.CreateTypeAttr(UsdGeom.Tokens.cubic)
         over.CreateBasisAttr(UsdGeom.Tokens.catmullRom)
         over.CreateWrapAttr(UsdGeom.Tokens.pinned)
