@@ -11,7 +11,7 @@ VAGUE_NAMES = {"utils", "util", "common", "misc", "helpers", "helper", "manager"
 WEB = {"starlette"}
 HTTP_SERVER = {"uvicorn", "h11"}
 SERVICE = "service/primray_service"
-SERVERS = (f"{SERVICE}/server.py", f"{SERVICE}/live/server.py")
+SERVERS = tuple(f"{SERVICE}/{name}" for name in ("server.py", "live/server.py", "agents/server.py"))
 HTTP = (f"{SERVICE}/http", f"{SERVICE}/routes")
 EMBREE = ("renderer/core/embree", "renderer/core/accel", "renderer/core/bvh")  # the last has Embree build its hierarchies
 USD = "renderer/primray/usd"
@@ -114,7 +114,7 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
             if root in WEB and path.name != "app.py" and not any(is_under(path, folder) for folder in HTTP):
                 yield f"imports {root} outside app.py, http/ and routes/"
             if root in HTTP_SERVER and str(path) not in SERVERS:
-                yield f"imports {root} outside server.py and live/server.py"
+                yield f"imports {root} outside server.py, live/server.py and agents/server.py"
             if root == "ray" and not any(is_under(path, folder) for folder in RAY):
                 where = "executor/ray/driver, executor/ray/node and dataset/ray_workers.py"
                 yield f"imports ray outside {where}: the server has no Ray in its process"
