@@ -5,6 +5,7 @@
 
 #include "integrator/camera_visibility.hpp"
 #include "integrator/emission.hpp"
+#include "integrator/log_vertex.hpp"
 #include "integrator/lpe_light.hpp"
 #include "integrator/tile_task.hpp"
 #include "integrator/vertex.hpp"
@@ -153,6 +154,9 @@ PRIMRAY_INLINE void queue_sky_shadow(Round& round, vbool<W> last, const PathLane
   vvec3<W> carried = n.beta * evaluate_domes(round.scene.lights, last, n);
   const vbool<W> lit = last & (max_component(carried) > vfloat<W>(0.0f));
   if (!any(lit)) return;
+  if constexpr (W == 1) {  // the light of each dome, of which what arrives has the same part
+    if (PathLog* const log = path_log<W>(round)) log_domes(*log, round, n);
+  }
   if (PathLog* const log = path_log<W>(round))
     log->add("dome ray", n).put("direction", n.ray.d).put("bsdf_pdf", n.bsdf_pdf).put("unshadowed", carried), log->queue();
   if (media) attenuate_sky_light(round, lit, *media, s, origin_distance, carried);

@@ -32,9 +32,6 @@ class Names(Protocol):
     def light(self, event: Event) -> tuple[str, bool]:
         """Return the path of an event's light, and whether it is a light rather than a surface or a volume that glows."""
 
-    def domes(self) -> str:
-        """Return the paths of all domes, which a ray that only looks for them does not tell apart."""
-
     def is_light(self, path: str) -> bool:
         """Return whether the shape at a path is a light."""
 
@@ -61,9 +58,6 @@ class ShapeNames:
             return path, True
         path = self._named(self._uploaded.shape_rows.path_of(self._scene.shape_of_light(number)[0]))
         return path, self.is_light(path)
-
-    def domes(self) -> str:
-        return ", ".join(self._uploaded.dome_paths)
 
     def is_light(self, path: str) -> bool:
         return path in self._lights
@@ -207,7 +201,9 @@ def paths_of(names: Names, events: Iterable[Event]) -> Iterator[LightPath]:
             light, is_light = _shining(names, path, event)
             path.shines.append((light, is_light, event["radiance"]))
         if "contribution" in event:
-            yield from _gathered(names, path, event)
+            yield from _gathered(path, event)
+        elif kind == "dome ray":  # none of it arrives
+            path.shines = []
 
 
 def _sampled(names: Names, path: _Walker, event: Event) -> LightPath:
@@ -218,13 +214,11 @@ def _sampled(names: Names, path: _Walker, event: Event) -> LightPath:
     return LightPath(way, light, is_light, event["contribution"], path.camera, end, direction)
 
 
-def _gathered(names: Names, path: _Walker, event: Event) -> Iterator[LightPath]:
+def _gathered(path: _Walker, event: Event) -> Iterator[LightPath]:
     """Yield what a ray gathers at its end, for each light that it meets."""
     adds: Vector = event["contribution"]
     shines = path.shines
-    if event["kind"] == "dome ray":
-        shines = [(names.domes(), True, (1.0, 1.0, 1.0))]
-    elif not shines:  # a medium glows
+    if not shines:  # a medium glows
         shines = [("", False, (1.0, 1.0, 1.0))]
     path.shines = []
     end = path.point if event["kind"] == "gathered" and path.prim else None

@@ -171,6 +171,23 @@ def test_pixels_and_renders_that_cannot_be_are_refused(tmp_path: Path) -> None:
     assert refused.value.code == "explain-renders"
 
 
+def test_last_rays_tell_domes_apart(tmp_path: Path) -> None:
+    """Where only domes can be found, last rays ask whether any is seen: each has its part of what arrives."""
+    domes = "".join(
+        f'def DomeLight "{name}" {{ float inputs:intensity = 1\n    color3f inputs:color = {color}\n}}\n'
+        for name, color in (("warm", "(0.6, 0.2, 0)"), ("cold", "(0.2, 0.2, 0.8)"))
+    )
+    (tmp_path / "open.usda").write_text(ROOM.replace('RectLight "lamp"', 'Xform "lamp"') + domes)
+    pixel = primray.explain(tmp_path / "open.usda", 9, 18, resolution=(32, 24), spp=16, max_depth=2, renders=0)
+    assert adds_up(pixel)
+    parts = {part.name: part.value for part in pixel.splits["light"]}
+    assert set(parts) == {"/warm", "/cold"}
+    assert parts["/warm"][0] == pytest.approx(3 * parts["/cold"][0], rel=1e-5)
+    assert parts["/warm"][1] == pytest.approx(parts["/cold"][1], rel=1e-5)
+    assert parts["/warm"][2] == 0 < parts["/cold"][2]
+    assert {path.light for path in pixel.noise} == {"/warm", "/cold"}
+
+
 CROPPED = """
 def RenderSettings "settings" { uniform int2 resolution = (32, 24)
     rel camera = </cam>

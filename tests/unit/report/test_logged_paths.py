@@ -24,9 +24,6 @@ class Numbered:
             return "/sky", True
         return ("/s7", False) if event["light"] == 7 else (f"/l{event['light']}", True)
 
-    def domes(self) -> str:
-        return "/sky"
-
     def is_light(self, path: str) -> bool:
         return False
 
@@ -81,6 +78,7 @@ def test_the_last_ray_to_a_dome_has_each_vertex_once() -> None:
     log = Log()
     log.surface(5, 0, 1)
     log.scatter(5, 0)
+    log.add("emission", 5, 1, 1, dome=0, radiance=ONE)
     log.add("dome ray", 5, 1, 1, direction=(0.0, 1.0, 0.0), contribution=ONE)
     assert [shown(path) for path in log.paths()] == [("C<.D>+L", ["/s1"], "/sky")]
 
