@@ -218,7 +218,7 @@ class Explainer:
         width, height = self._resolution(settings)
         if not (0 <= x < width and 0 <= y < height):
             sentence = f"the frame has {width} x {height} pixels, and none at {x} {y}; pixels of an overscan are not explained"
-            raise SettingsError(sentence, where="--pixel", code="explain-pixel")
+            raise SettingsError(sentence, where="pixel", code="explain-pixel")
         region = (x / width, 1 - (y + 1) / height, (x + 1) / width, 1 - y / height)
         return PixelRender(self.prepared(settings, region, (*NAMING_AOVS, *EXPRESSIONS)), x, y)
 
