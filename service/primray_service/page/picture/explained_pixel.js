@@ -94,7 +94,8 @@ function facts({ value, error, shown, samples, renders }) {
 
 function table(caption, parts, more) {
   const shown = parts.filter((part) => Math.max(part.share, part.share_error ?? 0) >= LEAST).slice(0, MOST);
-  const [rest, left] = [parts.slice(shown.length), parts.length - shown.length + more];
+  const left = parts.length - shown.length + more;
+  const rest = Math.max(0, sum(parts) > 0 ? 1 - sum(shown) : 0); // what the server leaves out, too: shares add up to 1
   return element(
     "table",
     {},
@@ -104,7 +105,7 @@ function table(caption, parts, more) {
       "tbody",
       {},
       shown.map((part) => element("tr", {}, element("td", {}, shareOf(part)), element("td", {}, color(part.value)), element("th", { scope: "row" }, part.name))),
-      left > 0 && element("tr", {}, element("td", {}, format.percentOf(sum(rest))), element("td", {}), element("th", { scope: "row" }, `${left} more`)),
+      left > 0 && element("tr", {}, element("td", {}, format.percentOf(rest)), element("td", {}), element("th", { scope: "row" }, `${left} more`)),
       parts.length === 0 && element("tr", {}, element("td", { colspan: "3" }, "No light")),
     ),
   );
