@@ -155,18 +155,28 @@ def measure(
     meters_of_all = Meters.of(given, authored.meters_per_unit, authored.up)
     positions = meters_of_all.positions()
     precision = Precision(target, of_mean, simultaneous, len(positions))
-    measured, passes = Measured.none(len(positions)), []
+    measured, passes = Measured.none(len(positions)), list[Sampling]()
     groups = _groups(positions, authored.meters_per_unit)
-    for number, (group, half) in enumerate(groups):
+    told = [diagnostics]  # all groups are told the same
+
+    def sample(group: list[int], half: float, brightest: float | None, shown: Callable[[float, int, int], bool]) -> None:
         meters_here = Meters(tuple(meters_of_all.meters[k] for k in group), meters_of_all.up)
         facets = facets_of(meters_here, half)
-        told = diagnostics if number == 0 else Diagnostics()  # all groups are told the same
         steps = _MeterSteps(facets, is_overcast=daylight_factor)
-        prepared = prepare(opened, opening, _asked(settings, facets), costs, told, steps=steps)
-        judge = PrecisionJudge(meters_here.meters, precision)
-        sampling = _sampled(prepared, judge, costs, partial(_shown, progress, number, len(groups)))
-        passes.append(sampling)
-        measured.put(group, Measured.of(sampling, len(group)))
+        here = told.pop() if told else Diagnostics()
+        prepared = prepare(opened, opening, _asked(settings, facets), costs, here, steps=steps)
+        judge = PrecisionJudge(meters_here.meters, precision, brightest)
+        passes.append(_sampled(prepared, judge, costs, shown))
+        measured.put(group, Measured.of(passes[-1], len(group)))
+
+    for number, (group, half) in enumerate(groups):
+        sample(group, half, None, partial(_shown, progress, number, len(groups)))
+    # Search longer for the light of meters that seem to get none.
+    seemingly_dark = measured.is_unlit & ~measured.is_sought(precision) & (measured.samples < SIDES * most_samples(settings))
+    has_time = all(sampling.stop is None or sampling.stop.reason != "time-limit" for sampling in passes)
+    for group, half in groups if has_time else ():
+        if dark := [k for k in group if seemingly_dark[k]]:
+            sample(dark, half, float(measured.values.max()), partial(_shown, progress, len(groups), len(groups)))
     unit = OUTSIDE / maintenance_factor if daylight_factor else 1 / maintenance_factor
     measured = measured.over(unit)
     readings = readings_of(measured, meters_of_all.meters, precision)
@@ -189,6 +199,11 @@ def _groups(positions: Doubles, meters_per_unit: float) -> list[tuple[list[int],
     return found
 
 
+def most_samples(settings: RenderSettings) -> int:
+    """Return the most samples of each of a meter's pixels."""
+    return MOST_SAMPLES if settings.spp is None else settings.spp
+
+
 def _asked(settings: RenderSettings, facets: Facets) -> RenderSettings:
     """Return the settings of a picture of the facets."""
     camera, resolution = camera_of(facets)
@@ -198,7 +213,7 @@ def _asked(settings: RenderSettings, facets: Facets) -> RenderSettings:
         camera=camera,
         resolution=resolution,
         dicing_camera=dicing_camera(facets, resolution),
-        spp=MOST_SAMPLES if asked.spp is None else asked.spp,
+        spp=most_samples(settings),
         filter_width=0.5,
     )
 
@@ -218,7 +233,7 @@ def _sampled(prepared: Prepared, judge: PrecisionJudge, costs: Costs, progress: 
 
 
 def _shown(progress: Progress | None, number: int, of: int, fraction: float, samples: int, rays: int) -> bool:
-    return progress is None or progress((number + fraction) / of, samples, rays) is not False
+    return progress is None or progress(min((number + fraction) / of, 1.0), samples, rays) is not False
 
 
 def _of_prim(one: usd.AuthoredMeter) -> LightMeter | MeterGrid:

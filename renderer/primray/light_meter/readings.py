@@ -27,6 +27,7 @@ from .meters import CODE, LightMeter
 
 UNSEEN = 3.0  # over n: the share of paths that n samples miss with a chance of 5 %
 USUAL_TARGET = 0.02
+LEFT = 4096  # samples after which a meter without light is left, and measured alone, so that the others need not wait for it
 DARK = 1e-3  # of the largest reading: what is darker is asked for as if it were as bright as that
 
 
@@ -138,17 +139,25 @@ class Measured:
         """Whether no sample of a meter found light (N,)."""
         return np.asarray((self.values == 0) & (self.deviations == 0))
 
+    def is_sought(self, precision: Precision) -> npt.NDArray[np.bool_]:
+        """Whether a meter has so many samples that it may be called dark if none found light (N,)."""
+        return np.asarray(UNSEEN / self.samples <= min(precision.target, USUAL_TARGET) * DARK)
+
     def over(self, by: float) -> Measured:
         return Measured(self.values / by, self.deviations / by, self.freedom, self.samples)
 
 
-def is_met(measured: Measured, meters: tuple[LightMeter, ...], precision: Precision) -> npt.NDArray[np.bool_]:
-    """Return for each meter whether its reading, or the mean of its grid, is as precise as asked."""
+def is_met(
+    measured: Measured, meters: tuple[LightMeter, ...], precision: Precision, brightest: float = 0.0
+) -> npt.NDArray[np.bool_]:
+    """Return for each meter whether its reading, or the mean of its grid, is as precise as asked.
+
+    `brightest`: the largest reading of other meters.
+    """
     values, widths = measured.values, measured.half_widths(precision.z)
-    dark = DARK * float(values.max(initial=0.0))
+    dark = DARK * max(float(values.max(initial=0.0)), brightest)
     # Without any light, as many samples are taken as would be with some on another meter.
-    enough = UNSEEN / measured.samples <= min(precision.target, USUAL_TARGET) * DARK
-    met = np.where(measured.is_unlit, enough, widths <= precision.target * np.maximum(values, dark))
+    met = np.where(measured.is_unlit, measured.is_sought(precision), widths <= precision.target * np.maximum(values, dark))
     if precision.of_mean:
         for rows in rows_by_grid(meters).values():
             mean, width = mean_of(measured, rows)
@@ -207,7 +216,11 @@ class PrecisionJudge:
 
     meters: tuple[LightMeter, ...]
     precision: Precision
+    brightest: float | None  # the largest reading of other meters; None: unlit meters are left to a judge that knows it
 
     def is_met(self, sampling: Sampling) -> bool:
         measured = Measured.of(sampling, len(self.meters))
-        return bool(is_met(measured, self.meters, self.precision).all())
+        met = is_met(measured, self.meters, self.precision, self.brightest or 0.0)
+        if self.brightest is None:
+            met |= measured.is_unlit & (measured.samples >= LEFT)
+        return bool(met.all())

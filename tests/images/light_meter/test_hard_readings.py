@@ -51,6 +51,17 @@ def test_light_that_few_samples_find_is_in_the_interval(half: float, seeds: int)
     assert np.mean([one.readings[0].value for one in found]) == pytest.approx(expected, rel=0.03)
 
 
+def test_lit_meters_do_not_wait_for_dark_ones() -> None:
+    """A grid that crosses a wall: what is inside of it is searched for light alone."""
+    stage = lit_stage()
+    inside, above = LightMeter("inside", (0.0, -0.05, 0.0)), [LightMeter(f"{k}", (0.1 * k, 0.5, 0.0)) for k in range(8)]
+    counted: list[int] = []
+    found = measure(stage, [inside, *above], target=0.05, progress=lambda _, samples, rays: counted.append(samples))
+    assert (found["inside"].value, found["inside"].met, found.met) == (0, True, True)
+    assert found.report["samples"] >= 150_000
+    assert max(counted) < 2 * found.report["samples"], "nine meters would take nine times as many"
+
+
 @pytest.mark.parametrize(("place", "radius"), [((0.0, 1.0, 0.0), 0.02), ((0.3, 1.5, 0.1), 0.1), ((0.7, 1.5, 0.4), 0.3)])
 def test_a_lamp_over_a_cylinder(place: tuple[float, float, float], radius: float) -> None:
     """The integral of L sin(e) / pi over the lamp, also straight above, where a cylinder of any width gets another share."""
