@@ -74,6 +74,8 @@ def read_integers(path: Path) -> np.ndarray[Any, Any]:
         raise PrimrayError("it is no picture", where=str(path), code="dataset-damaged")
     values = file.read_image(file.spec().format)
     file.close()
+    if values is None:
+        raise PrimrayError("the picture is damaged, or ends early", where=str(path), code="dataset-damaged")
     return np.asarray(values).reshape(file.spec().height, file.spec().width, -1)
 
 

@@ -13,7 +13,8 @@ import pytest
 from primray.dataset import Config, make, samples_of
 from primray.dataset.packing import Sample, read_integers
 from primray.dataset.writers import bop, kitti
-from primray.errors import SettingsError
+from primray.errors import PrimrayError, SettingsError
+from primray.images.image import write_png
 
 from .room import config_in, plain_config
 
@@ -310,3 +311,12 @@ def test_a_set_without_things_is_one_that_readers_read(tmp_path: Path) -> None:
     assert (tmp_path / "out/yolo-segment/labels/train/000000.txt").read_text() == ""
     assert json.loads((tmp_path / "out/bop/train_pbr/000000/scene_gt.json").read_text()) == {"0": []}
     assert json.loads((tmp_path / "out/bop/models/models_info.json").read_text()) == {}
+
+
+def test_a_picture_that_ends_early_is_damaged(tmp_path: Path) -> None:
+    path = tmp_path / "things.png"
+    write_png(np.random.default_rng(0).integers(0, 65535, (64, 64, 1), dtype=np.uint16), path)
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(PrimrayError) as raised:
+        read_integers(path)
+    assert (raised.value.code, raised.value.where) == ("dataset-damaged", str(path))
