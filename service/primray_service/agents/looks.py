@@ -35,6 +35,9 @@ BACKGROUND = "(background)"
 KEPT_LOOKS = 6  # that an edit can be compared with
 RESERVED_S = 0.12  # of a look's time, for what is not sampling: AOVs and encoding
 LEAST_S = 0.02
+# Shares of a look's time between which the settings of the last look at the view are kept: then nothing is built again, and the
+# picture of an unchanged stage has the same bits.
+SPENT = (0.7, 1.25)
 DENOISE_S = 4e-6  # a pixel, until one is known: 2 cores
 FEWEST, MOST_SPP = 2, 4096  # samples per pixel of a look
 PILOT_SPP, PILOT_S = (2, 8, 32), 0.02
@@ -71,6 +74,8 @@ class Eye:
         self.kept = kept
         self.seen: OrderedDict[tuple[object, ...], Look] = OrderedDict()  # by what was asked
         self._rate = 0.0  # samples a second, of the last picture; 0: unknown
+        self._cameras: dict[tuple[object, ...], tuple[str | Camera | None, tuple[int, int]]] = {}  # of views of this stage
+        self._chosen: dict[tuple[object, ...], RenderSettings] = {}  # of the last picture of each view
         self._denoise_s = DENOISE_S  # a pixel, of the last picture that was denoised
 
     def look(self, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -158,7 +163,10 @@ class Eye:
         A time limit would leave pixels without samples, and another number of them in each render.
         """
         begun = time.monotonic()
-        camera, size = self._camera(asked, view)
+        key = _key(asked, view)
+        if key not in self._cameras:
+            self._cameras[key] = self._camera(asked, view)
+        camera, size = self._cameras[key]
         settings = RenderSettings(
             camera=camera,
             resolution=size,
@@ -174,20 +182,33 @@ class Eye:
             if pilot.report["sampling_s"] > PILOT_S:
                 break
         denoise = bool(asked.get("denoise"))
-        a_pixel_s = max(seconds - (time.monotonic() - begun), LEAST_S) / (size[0] * size[1])
-        least_s = FEWEST / self._rate + denoise * self._denoise_s
-        if a_pixel_s < least_s:
-            side = max(round(max(size) * math.sqrt(a_pixel_s / least_s)), SMALLEST_SIDE)
-            settings = replace(settings, resolution=_within(size, side))
+        left_s = max(seconds - (time.monotonic() - begun), LEAST_S)
+        before = self._chosen.get((key, denoise))
+        if before is not None and SPENT[0] * left_s <= self._needs_s(before, denoise) <= SPENT[1] * left_s:
+            settings = before
         else:
-            most = (a_pixel_s - denoise * self._denoise_s) * self._rate
-            settings = replace(settings, spp=min(max(int(most) // 2 * 2, FEWEST), MOST_SPP))
+            settings = self._chosen[key, denoise] = self._within(settings, size, left_s, denoise)
         look = Look(view, settings, self._render(replace(settings, denoise=denoise)))
-        self.seen[_key(asked, view)] = look
-        self.seen.move_to_end(_key(asked, view))
+        self.seen[key] = look
+        self.seen.move_to_end(key)
         while len(self.seen) > KEPT_LOOKS:
             self.seen.popitem(last=False)
         return look
+
+    def _needs_s(self, settings: RenderSettings, denoise: bool) -> float:
+        """Return the seconds that a picture's samples, and its denoiser, are expected to take."""
+        width, height = settings.resolution or (0, 0)
+        return float(width * height * ((settings.spp or 0) / self._rate + denoise * self._denoise_s))
+
+    def _within(self, settings: RenderSettings, size: tuple[int, int], seconds: float, denoise: bool) -> RenderSettings:
+        """Return the settings with as many samples, and if need be of as small a size, as the seconds are enough for."""
+        a_pixel_s = seconds / (size[0] * size[1])
+        least_s = FEWEST / self._rate + denoise * self._denoise_s
+        if a_pixel_s < least_s:
+            side = max(round(max(size) * math.sqrt(a_pixel_s / least_s)), SMALLEST_SIDE)
+            return replace(settings, resolution=_within(size, side))
+        most = (a_pixel_s - denoise * self._denoise_s) * self._rate
+        return replace(settings, spp=min(max(int(most) // 2 * 2, FEWEST), MOST_SPP))
 
     def _render(self, settings: RenderSettings) -> Image:
         image = self.kept.render(settings, None, "raise", None, (), lambda diagnostics: None)

@@ -1,0 +1,65 @@
+"""Looks at a stage that stays: the same size and samples, as long as the time is enough for them and not for far more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from primray.incremental.scene import KeptStage
+from primray.settings import RenderSettings
+from primray_service.agents.looks import Eye
+
+STAGE = """#usda 1.0
+def Sphere "ball"
+{
+}
+"""
+RATE = 1e6  # samples a second
+
+
+@pytest.fixture
+def eye(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Eye:
+    """Looks by a clock that stands still, and a core of a known speed."""
+    (tmp_path / "ball.usda").write_text(STAGE)
+    monkeypatch.setattr("primray_service.agents.looks.time.monotonic", lambda: 0.0)
+    found = Eye(KeptStage(tmp_path / "ball.usda", RenderSettings()))
+    rendered = found._render
+
+    def at_rate(settings: RenderSettings) -> Any:
+        rate = found._rate or RATE
+        image = rendered(settings)
+        found._rate = rate
+        return image
+
+    monkeypatch.setattr(found, "_render", at_rate)
+    return found
+
+
+def looked(eye: Eye, seconds: float) -> tuple[tuple[int, int], int, str, dict[str, float]]:
+    asked = {"views": ["default"], "frame": None, "time_code": None, "size": 200, "variants": [], "taxonomy": "class"}
+    eye.look({**asked, "seconds": seconds})
+    image = next(reversed(eye.seen.values())).image
+    return image.resolution, image.report["samples"], image.report["pixels_sha256"], image.report["stages_s"]
+
+
+def test_looks_at_an_unchanged_stage_have_the_same_bits_and_build_nothing(eye: Eye) -> None:
+    first = looked(eye, 0.4)
+    eye._rate = RATE * 1.1  # a machine is never as fast as before
+    second = looked(eye, 0.4)
+    eye._rate = RATE * 0.85
+    third = looked(eye, 0.4)
+    assert first[:3] == second[:3] == third[:3]
+    assert "build" in first[3]
+    assert not {"build", "dice", "translate"} & {name for name, s in third[3].items() if s > 1e-2}
+
+
+def test_looks_take_the_time_that_they_are_given(eye: Eye) -> None:
+    usual = looked(eye, 0.4)
+    eye._rate = RATE * 4
+    assert looked(eye, 0.4)[1] > 2 * usual[1]
+    eye._rate = RATE / 4
+    assert looked(eye, 0.4)[1] < usual[1] / 2
+    eye._rate = RATE
+    assert looked(eye, 1.2)[1] > 2 * usual[1]
