@@ -11,7 +11,11 @@ from typing import Any
 from ..errors import SettingsError
 
 # Parameters of commands by what they are; a checkpoint may be the one that is resumed.
-READ = ("scene", "stage", "picture", "reference", "a", "b")
+READ = (
+    *("scene", "stage", "asset", "session_layer", "dome", "background"),
+    *("picture", "reference", "a", "b", "parts"),
+    *("model", "pattern", "meters", "key", "attestation"),
+)
 WRITTEN = ("output", "outputs", "report", "layer", "overlay", "difference", "lock", "profile", "checkpoint")
 
 
@@ -33,6 +37,8 @@ def check_outputs(given: Mapping[str, Any]) -> None:
     written: dict[str, str] = {}
     for name, path in _files(given, WRITTEN):
         target = os.path.realpath(path)
+        if os.path.exists(target) and not os.path.isfile(target):
+            continue  # /dev/null holds nothing that could be lost
         if target in read:
             sentence = "the output would overwrite a file that the command reads: give it another name"
             raise SettingsError(sentence, where=path, code="output-folder")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from inspect import signature
 from pathlib import Path
@@ -30,6 +31,22 @@ def test_every_option_that_writes_a_file_is_known() -> None:
     assert not unknown
 
 
+FOLDERS = ("output_dir", "texture_cache", "source", "keep", "folder", "inputs")
+OTHERS = ("resume", "label_table", "flags", "base")  # files that are read and written by design; what names no file
+
+
+def test_every_option_and_argument_that_names_a_file_is_known() -> None:
+    unknown = set()
+    for command in app.registered_commands:
+        assert command.callback is not None
+        for name, parameter in signature(command.callback, eval_str=True).parameters.items():
+            for info in getattr(parameter.annotation, "__metadata__", ()):
+                is_argument = isinstance(info, typer.models.ArgumentInfo)
+                if is_argument or any(word in (getattr(info, "metavar", None) or "") for word in ("FILE", "DIR")):
+                    unknown |= {name} - {*READ, *WRITTEN, *FOLDERS, *OTHERS}
+    assert not unknown
+
+
 @pytest.mark.parametrize(
     "line",
     [
@@ -42,6 +59,10 @@ def test_every_option_that_writes_a_file_is_known() -> None:
         ["relight", "shot.exr", "--layer", "shot.usda", "--stage", "shot.usda"],
         ["relight", "shot.exr", "--fit", "photo.exr", "-o", "photo.exr"],
         ["pin", "shot.usda", "--lock", "shot.usda"],
+        ["render", "shot.usda", "--dome", "photo.exr", "-o", "photo.exr"],
+        ["render", "shot.usda", "--background", "photo.exr", "-o", "photo.exr"],
+        ["explain", "shot.usda", "--pixel", "1", "1", "--session-layer", "photo.exr", "--layer", "photo.exr"],
+        ["lidar", "shot.usda", "--pattern", "photo.exr", "-o", "photo.exr"],
         ["sensor", "shot.exr", "-o", "shot.exr"],
         ["compare", "shot.exr", "photo.exr", "--report", "photo.exr"],
     ],
@@ -61,3 +82,4 @@ def test_two_outputs_have_two_names() -> None:
         check_outputs({"scene": "shot.usda", "report": "a/../x.json", "layer": "x.json"})
     assert caught.value.code == "output-name"
     check_outputs({"scene": "shot.usda", "outputs": ["a.exr", "a.png"], "report": None, "layer": "x.json"})
+    check_outputs({"scene": "shot.usda", "report": os.devnull, "layer": os.devnull})
