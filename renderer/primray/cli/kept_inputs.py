@@ -43,7 +43,7 @@ def check_outputs(given: Mapping[str, Any]) -> None:
             sentence = "the output would overwrite a file that the command reads: give it another name"
             raise SettingsError(sentence, where=path, code="output-folder")
         if written.setdefault(target, name) != name:
-            raise SettingsError("two different outputs have this name", where=path, code="output-name")
+            raise SettingsError("the same output is named twice", where=path, code="output-name")
 
 
 def _files(given: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[tuple[str, str]]:

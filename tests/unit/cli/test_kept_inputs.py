@@ -78,7 +78,7 @@ def test_inputs_are_kept(line: list[str], tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_two_outputs_have_two_names() -> None:
-    with pytest.raises(SettingsError, match="two different outputs") as caught:
+    with pytest.raises(SettingsError, match="named twice") as caught:
         check_outputs({"scene": "shot.usda", "report": "a/../x.json", "layer": "x.json"})
     assert caught.value.code == "output-name"
     check_outputs({"scene": "shot.usda", "outputs": ["a.exr", "a.png"], "report": None, "layer": "x.json"})
