@@ -295,7 +295,8 @@ def test_the_command_writes_pictures_a_report_and_a_layer_that_renders_the_mix(t
 
 def test_a_layer_of_the_stage_is_not_overwritten(tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
     monkeypatch.chdir(tmp_path)
-    stage_of(ROOM + KEY + FILL).GetRootLayer().Export("room.usda")
+    room = stage_of(ROOM + KEY + FILL)  # its layer goes with it
+    room.GetRootLayer().Export("room.usda")
     Path("top.usda").write_text("#usda 1.0\n(\n    subLayers = [@room.usda@]\n)\n")
     picture(spp=2).save("room.exr")
     before = Path("room.usda").read_bytes()

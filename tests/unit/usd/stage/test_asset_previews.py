@@ -137,7 +137,8 @@ def test_a_package_keeps_its_entries_and_their_order(tmp_path: Path) -> None:
                 start = entry.header_offset + 30 + sum(int.from_bytes(header[at : at + 2], "little") for at in (26, 28))
                 assert start % 64 == 0, entry.filename
         path = target
-    assert "defaultImage" in Usd.Stage.Open(str(path)).GetRootLayer().ExportToString()
+    made = Usd.Stage.Open(str(path))
+    assert "defaultImage" in made.GetRootLayer().ExportToString()
     assert Usd.Stage.Open(str(path)).GetPrimAtPath("/A").GetTypeName() == "Xform"
     stage = Usd.Stage.Open(str(path))
     found = UsdMedia.AssetPreviewsAPI(stage.GetDefaultPrim()).GetDefaultThumbnails()
