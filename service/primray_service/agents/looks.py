@@ -187,7 +187,7 @@ class Eye:
         if before is not None and SPENT[0] * left_s <= self._needs_s(before, denoise) <= SPENT[1] * left_s:
             settings = before
         else:
-            settings = self._chosen[key, denoise] = self._within(settings, size, left_s, denoise)
+            settings = self._chosen[key, denoise] = self._fitting(settings, size, left_s, denoise)
         look = Look(view, settings, self._render(replace(settings, denoise=denoise)))
         self.seen[key] = look
         self.seen.move_to_end(key)
@@ -200,7 +200,7 @@ class Eye:
         width, height = settings.resolution or (0, 0)
         return float(width * height * ((settings.spp or 0) / self._rate + denoise * self._denoise_s))
 
-    def _within(self, settings: RenderSettings, size: tuple[int, int], seconds: float, denoise: bool) -> RenderSettings:
+    def _fitting(self, settings: RenderSettings, size: tuple[int, int], seconds: float, denoise: bool) -> RenderSettings:
         """Return the settings with as many samples, and if need be of as small a size, as the seconds are enough for."""
         a_pixel_s = seconds / (size[0] * size[1])
         least_s = FEWEST / self._rate + denoise * self._denoise_s
