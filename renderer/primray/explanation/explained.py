@@ -20,7 +20,7 @@ from ..camera import Camera
 from ..errors import SettingsError
 from ..incremental.scene import KeptStage
 from ..render.render import with_setting_names
-from ..settings import DEFAULT_SPP, RenderSettings, with_values
+from ..settings import DEFAULT_SPP, WHOLE, RenderSettings, with_values
 from .noise import NoisePath, noise_paths
 from .parts import Color, Part, color_of, parts_of, settled
 from .pixel import BOUNCES, EXPRESSIONS, KINDS, MOST_LOGGED, PixelRender, Sample, other_seeds, pixel_of, sums_of
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
 RENDERS = 15  # with other seeds, for errors
 NAMING_AOVS = ("prim", "instance", "material")  # the core's scene keeps names for them
-WHOLE = (0.0, 0.0, 1.0, 1.0)  # region of the whole frame, whatever part of it the stage orders
 SPLITS = ("light", "kind", "bounce", "prim")
 TITLES = {
     "light": "by light",

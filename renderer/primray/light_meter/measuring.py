@@ -14,8 +14,7 @@ from .. import usd
 from ..arrays import Doubles
 from ..description import SceneDescription
 from ..diagnostics import Diagnostics
-from ..errors import RenderCancelled, SettingsError
-from ..render.interruption import interruption
+from ..errors import SettingsError
 from ..render.prepare import OpenedStage, Textures, open_once, prepare
 from ..render.render import with_setting_names
 from ..report.report import Costs
@@ -35,13 +34,12 @@ from .facets import (
     with_facets,
 )
 from .meters import CODE, LightMeter, MeterGrid, MeterKind, Meters, as_vector
-from .pictures import LightSteps, require_both_halves, settings_of_light
+from .pictures import LightSteps, sampled, settings_of_light
 from .readings import GridReading, Measured, Precision, PrecisionJudge, Reading, grids_of, readings_of
 from .sky import OUTSIDE, under_overcast_sky
 
 if TYPE_CHECKING:
     from ..diagnostics import Diagnostic
-    from ..report.prepared import Prepared
     from ..sampling.sampling import Progress
     from ..settings.written import SettingsValues
 
@@ -166,7 +164,7 @@ def measure(
         here = told.pop() if told else Diagnostics()
         prepared = prepare(opened, opening, _asked(settings, facets), costs, here, steps=steps)
         judge = PrecisionJudge(meters_here.meters, precision, brightest)
-        passes.append(_sampled(prepared, judge, costs, shown))
+        passes.append(sampled(prepared, costs, judge, shown))
         measured.put(group, Measured.of(passes[-1], len(group)))
 
     for number, (group, half) in enumerate(groups):
@@ -216,20 +214,6 @@ def _asked(settings: RenderSettings, facets: Facets) -> RenderSettings:
         spp=most_samples(settings),
         filter_width=0.5,
     )
-
-
-def _sampled(prepared: Prepared, judge: PrecisionJudge, costs: Costs, progress: Callable[[float, int, int], bool]) -> Sampling:
-    """Return the sampling of a picture of facets, which has ended."""
-    with costs.stage("render"), interruption() as signal:
-        sampling = Sampling.begin(prepared.scene, prepared.settings)
-        sampling.judge_by = judge
-        sampling.run(lambda fraction, samples, rays: not signal.asked and progress(fraction, samples, rays))
-    if signal.asked:
-        raise KeyboardInterrupt
-    if sampling.stop is not None and sampling.stop.reason == "interrupted":
-        raise RenderCancelled("the measurement was stopped by its progress callback")
-    require_both_halves(sampling)
-    return sampling
 
 
 def _shown(progress: Progress | None, number: int, of: int, fraction: float, samples: int, rays: int) -> bool:

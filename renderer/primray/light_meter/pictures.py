@@ -6,25 +6,28 @@ settings below are kept, so that a setting that is added later has no effect her
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..diagnostics import Diagnostics
-from ..errors import LimitError, SettingsError
+from ..errors import LimitError, RenderCancelled, SettingsError
 from ..render.interruption import interruption
 from ..render.prepare import OpenedStage, Steps, prepare
 from ..render.render import picture_of
 from ..report.report import Costs
 from ..sampling.sampling import Sampling
-from ..settings import RenderSettings, StudioLight
+from ..settings import WHOLE, RenderSettings, StudioLight
 from ..settings.stage_settings import NOTHING_ASKED
 from .meters import CODE
 
 if TYPE_CHECKING:
     from ..description import SceneDescription
     from ..images.image import Image
+    from ..report.prepared import Prepared
+    from .readings import PrecisionJudge
 
 # Settings that decide what is on the stage, how long it is sampled, and how much of the machine is used.
 KEPT = (
@@ -33,7 +36,6 @@ KEPT = (
     *("spp", "time_limit_s", "max_depth", "seed", "threads", "strict", "fail_on", "allow"),
     *("max_memory_bytes", "texture_memory_bytes", "texture_cache", "texture_cache_bytes"),
 )
-WHOLE = (0.0, 0.0, 1.0, 1.0)
 
 
 def settings_of_light(settings: RenderSettings) -> RenderSettings:
@@ -72,17 +74,30 @@ def picture_of_light(opened: OpenedStage, settings: RenderSettings) -> Image:
     costs, diagnostics = Costs(), Diagnostics()
     prepared = prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, steps=LightSteps())
     Announcer(opened.name).tell(diagnostics)
+    return picture_of(prepared, sampled(prepared, costs), costs, diagnostics)
+
+
+def sampled(
+    prepared: Prepared,
+    costs: Costs,
+    judge: PrecisionJudge | None = None,
+    progress: Callable[[float, int, int], bool] | None = None,
+) -> Sampling:
+    """Return the sampling of a picture, which has ended, by `judge` where there is one.
+
+    LimitError if a pixel has no samples in one of its independent halves: it has neither a mean nor an error. RenderCancelled
+    where `progress` returned False; KeyboardInterrupt where Ctrl-C stopped it.
+    """
     with costs.stage("render"), interruption() as signal:
         sampling = Sampling.begin(prepared.scene, prepared.settings)
-        sampling.run(lambda *_: not signal.asked)
+        if judge is not None:
+            sampling.judge_by = judge
+        sampling.run(lambda *done: not signal.asked and (progress is None or progress(*done)))
     if signal.asked:
         raise KeyboardInterrupt
-    require_both_halves(sampling)
-    return picture_of(prepared, sampling, costs, diagnostics)
-
-
-def require_both_halves(sampling: Sampling) -> None:
-    """Raise LimitError if a pixel has no samples in one of its independent halves: it has neither a mean nor an error."""
+    if sampling.stop is not None and sampling.stop.reason == "interrupted":
+        raise RenderCancelled("the measurement was stopped by its progress callback")
     if not np.all(sampling.film.counts):
         sentence = "the time limit ended before all pixels of the reading had two samples: give it more seconds"
         raise LimitError(sentence, where="time_limit_s")
+    return sampling

@@ -147,6 +147,7 @@ MAX_RESOLUTION = 2**17  # per side: beyond, floats resolve less than 1 / 128 of 
 MAX_PIXELS = 2**28
 MAX_SPP = 2**24
 DEFAULT_SPP = 64
+WHOLE = (0.0, 0.0, 1.0, 1.0)  # region of the whole frame, whatever part of it the stage orders
 QUICK_LOOK = 4  # samples; renders of fewer skip the pilot
 # Samples per pixel in a block, one for each replicate. Ranges of samples begin and end between blocks.
 SAMPLE_BLOCK = 2

@@ -16,14 +16,14 @@ from ...description.picture_file import LOSSY, PLAIN, Contents, PictureFile, Pic
 from ...diagnostics import Diagnostics
 from ...errors import SettingsError
 from ...lpe.automaton import check_expressions
-from ...settings import RenderSettings
+from ...settings import WHOLE, RenderSettings
 from ...settings.stage_settings import StageSettings
 from ..stage.messages import scene_errors
 from ..stage.reads import targets, type_name
 from ..stage.traversal import world_prims
 from ..stage.values import When, when_of_few
 from .render_pass import settings_of_pass
-from .render_product import WHOLE, ProductSettings
+from .render_product import ProductSettings
 from .render_settings import products
 from .render_var import PICTURE, aovs_of_variables, halves_of_picture, picture_channels
 from .stage_settings import read_stage_settings

@@ -20,7 +20,7 @@ from pxr import Usd
 from ...aovs import data_type_of
 from ...description.picture_file import COMPRESSIONS, OTHER_EXTENSIONS, PLAIN, HeaderValue, PictureFile, is_free_in_header
 from ...diagnostics import Diagnostics
-from ...settings import PURPOSES
+from ...settings import PURPOSES, WHOLE
 from ...settings.stage_settings import NOTHING_ASKED, StageSettings
 from ..stage.reads import authored_attributes, property_names, targets, type_name
 from ..stage.values import When, flag, value
@@ -163,7 +163,6 @@ def _is_text(given: str) -> bool:
 
 
 Window = tuple[float, float, float, float]
-WHOLE: Window = (0.0, 0.0, 1.0, 1.0)
 DEEP_RASTER = "deepRaster"
 POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
 SOURCE_TYPES = ("raw", "primvar", "lpe", "intrinsic")
