@@ -229,7 +229,8 @@ def test_what_moves_and_what_the_lens_does_are_in_merged_pictures_too(tmp_path: 
 @pytest.mark.parametrize(
     ("flags", "says"),
     [
-        (["-o", "o.exr", "--checkpoint", "part.prc"], "the checkpoint exists already"),
+        (["-o", "o.exr", "--checkpoint", "o.txt"], "the checkpoint exists already"),
+        (["-o", "o.exr", "--checkpoint", "part.prc"], "overwrite a file that the command reads"),
         (["-o", "o.exr", "--checkpoint", "no/such.prc"], "folder no does not exist"),
         (["-o", "no/o.exr"], "folder no does not exist"),
         (["-o", "o.txt"], "unknown-extension"),
