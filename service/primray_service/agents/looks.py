@@ -6,11 +6,10 @@ import base64
 import math
 import tempfile
 import time
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +32,7 @@ SURE_Z = 5.0  # standard errors of a prim's mean difference: a false alarm in 1,
 FEWEST_PIXELS = 16  # of a prim, whose spread says how uncertain its mean is
 BACKGROUND = "(background)"
 KEPT_LOOKS = 6  # that an edit can be compared with
+KEPT_VIEWS = 64  # whose camera, size and samples are known for the next look
 RESERVED_S = 0.12  # of a look's time, for what is not sampling: AOVs and encoding
 LEAST_S = 0.02
 # Shares of a look's time between which the settings of the last look at the view are kept: then nothing is built again, and the
@@ -56,6 +56,8 @@ FRAMING = "three-quarter"  # the direction from which the default view shows a p
 WINDOW = (-0.36, 0.36, -0.2025, 0.2025)  # at unit distance: 50 mm on 36 mm, 16:9
 FAR = 1e30
 MARGIN = 0.12  # room around what is framed, as a share of it
+K = TypeVar("K")
+V = TypeVar("V")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ class Eye:
 
     def __init__(self, kept: KeptStage) -> None:
         self.kept = kept
-        self.seen: OrderedDict[tuple[object, ...], Look] = OrderedDict()  # by what was asked
+        self.seen: dict[tuple[object, ...], Look] = {}  # by what was asked
         self._rate = 0.0  # samples a second, of the last picture; 0: unknown
         self._cameras: dict[tuple[object, ...], tuple[str | Camera | None, tuple[int, int]]] = {}  # of views of this stage
         self._chosen: dict[tuple[object, ...], RenderSettings] = {}  # of the last picture of each view
@@ -116,7 +118,7 @@ class Eye:
         new = Look(view, settings, self._render(settings))
         result = compare(old.image, new.image, tolerance=asked["tolerance"])
         assert isinstance(result, Comparison)
-        self.seen[_key(asked, view)] = new
+        _remember(self.seen, _key(asked, view), new, KEPT_LOOKS)
         changes = _changes(old.image, new.image, result)
         mask, more = changes.mask, len(changes.rows) - MOST_ROWS
         verdict = Verdict.CHANGED if changes.rows else result.verdict
@@ -164,9 +166,8 @@ class Eye:
         """
         begun = time.monotonic()
         key = _key(asked, view)
-        if key not in self._cameras:
-            self._cameras[key] = self._camera(asked, view)
-        camera, size = self._cameras[key]
+        camera, size = self._cameras.get(key) or self._camera(asked, view)
+        _remember(self._cameras, key, (camera, size), KEPT_VIEWS)
         settings = RenderSettings(
             camera=camera,
             resolution=size,
@@ -187,12 +188,10 @@ class Eye:
         if before is not None and SPENT[0] * left_s <= self._needs_s(before, denoise) <= SPENT[1] * left_s:
             settings = before
         else:
-            settings = self._chosen[key, denoise] = self._fitting(settings, size, left_s, denoise)
+            settings = self._fitting(settings, size, left_s, denoise)
+        _remember(self._chosen, (key, denoise), settings, KEPT_VIEWS)
         look = Look(view, settings, self._render(replace(settings, denoise=denoise)))
-        self.seen[key] = look
-        self.seen.move_to_end(key)
-        while len(self.seen) > KEPT_LOOKS:
-            self.seen.popitem(last=False)
+        _remember(self.seen, key, look, KEPT_LOOKS)
         return look
 
     def _needs_s(self, settings: RenderSettings, denoise: bool) -> float:
@@ -246,6 +245,14 @@ class Eye:
             raise SettingsError("there is nothing with a size to look at", where=frame or "/", code="nothing-to-frame")
         is_z_up = usd.stage_facts(stage)["up_axis"] == "Z"
         return _looking_at(box, is_z_up, *direction), (side, max(round(side * 9 / 16), 1))
+
+
+def _remember(kept: dict[K, V], key: K, value: V, most: int) -> None:
+    """Keep a value as the newest of at most `most`; the oldest makes room for it."""
+    kept.pop(key, None)
+    kept[key] = value
+    while len(kept) > most:
+        del kept[next(iter(kept))]
 
 
 def direction_of(view: str) -> tuple[float, float] | None:

@@ -9,7 +9,7 @@ import pytest
 
 from primray.incremental.scene import KeptStage
 from primray.settings import RenderSettings
-from primray_service.agents.looks import Eye
+from primray_service.agents.looks import KEPT_LOOKS, Eye
 
 STAGE = """#usda 1.0
 def Sphere "ball"
@@ -17,6 +17,14 @@ def Sphere "ball"
 }
 """
 RATE = 1e6  # samples a second
+SMALL: dict[str, Any] = {
+    "frame": None,
+    "time_code": None,
+    "size": 64,
+    "variants": [],
+    "taxonomy": "class",
+    "seconds": 0.01,
+}
 
 
 @pytest.fixture
@@ -63,3 +71,19 @@ def test_looks_take_the_time_that_they_are_given(eye: Eye) -> None:
     assert looked(eye, 0.4)[1] < usual[1] / 2
     eye._rate = RATE
     assert looked(eye, 1.2)[1] > 2 * usual[1]
+
+
+def test_what_is_kept_of_views_does_not_grow_with_their_number(eye: Eye, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("primray_service.agents.looks.KEPT_VIEWS", 8)
+    for angle in range(10):
+        eye.look({**SMALL, "views": [f"{angle},0"]})
+    assert len(eye._cameras) == len(eye._chosen) == 8
+    assert [view for view, *_ in eye.seen] == [f"{angle},0" for angle in range(10 - KEPT_LOOKS, 10)]
+
+
+def test_comparisons_keep_as_many_looks_as_looks_do(eye: Eye, tmp_path: Path) -> None:
+    before = Eye(KeptStage(tmp_path / "ball.usda", RenderSettings()))
+    before._rate = RATE
+    for angle in range(KEPT_LOOKS + 2):
+        eye.changed({**SMALL, "views": [f"{angle},0"], "follow_camera": False, "tolerance": 0.01}, before)
+    assert [view for view, *_ in eye.seen] == [f"{angle},0" for angle in range(2, KEPT_LOOKS + 2)]
