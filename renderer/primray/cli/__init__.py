@@ -111,10 +111,9 @@ def _call(arguments: list[str]) -> None:
         if process_memory.owns_process:
             load_ahead()
         from .commands.render import render
-        from .kept_inputs import check_outputs
+        from .kept_inputs import run_keeping_inputs
 
-        check_outputs(plain)
-        render(**plain)
+        run_keeping_inputs(render, plain)
     else:
         from .app import app
 

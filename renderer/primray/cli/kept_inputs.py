@@ -1,4 +1,7 @@
-"""A guard of all commands: no output takes the place of a file that the command reads, and no two outputs are one file."""
+"""A guard of all commands: no output takes the place of a file that the command reads, and no two outputs are one file.
+
+Files that the command line names are compared first, those that a stage brings when they are opened (read_files.py).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from inspect import signature
 from typing import Any
 
 from ..errors import SettingsError
+from ..read_files import REPLACED, watching_files
 
 # Parameters of commands by what they are; a checkpoint may be the one that is resumed.
 READ = (
@@ -24,11 +28,17 @@ def keeping_inputs(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def run(**given: Any) -> None:
-        check_outputs(given)
-        command(**given)
+        run_keeping_inputs(command, given)
 
     vars(run)["__signature__"] = signature(command, eval_str=True)
     return run
+
+
+def run_keeping_inputs(command: Callable[..., None], given: Mapping[str, Any]) -> None:
+    """Run a command as `keeping_inputs` does."""
+    check_outputs(given)
+    with watching_files():
+        command(**given)
 
 
 def check_outputs(given: Mapping[str, Any]) -> None:
@@ -40,8 +50,7 @@ def check_outputs(given: Mapping[str, Any]) -> None:
         if os.path.exists(target) and not os.path.isfile(target):
             continue  # /dev/null holds nothing that could be lost
         if target in read:
-            sentence = "the output would overwrite a file that the command reads: give it another name"
-            raise SettingsError(sentence, where=path, code="output-folder")
+            raise SettingsError(REPLACED, where=path, code="output-folder")
         if written.setdefault(target, name) != name:
             raise SettingsError("the same output is named twice", where=path, code="output-name")
 

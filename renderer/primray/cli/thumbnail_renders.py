@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from ..errors import InternalError, LimitError, PrimrayError, SceneError, SettingsError
+from ..read_files import note_output, watching_files
 from ..version import __version__
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ class Request:
     asset: str
     sizes: tuple[int, ...]
     files: tuple[str, ...]  # PNGs to write, one for each size
+    places: tuple[str, ...]  # where they are moved to, which must not be files of the asset
     settings: Mapping[str, Any]
     text: Mapping[str, str]  # text chunks of the PNGs
     timeout_s: float
@@ -104,7 +106,10 @@ def main(order: str) -> None:
     code = 0
     try:
         process_memory.hold(request.memory_bytes, False, _memory_watch)
-        _draw(request)
+        with watching_files():
+            for place in request.places:
+                note_output(place)
+            _draw(request)
     except MemoryError:
         code = _report(_too_large(request))
     except PrimrayError as error:

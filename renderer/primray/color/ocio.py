@@ -18,6 +18,7 @@ import numpy as np
 
 from ..arrays import Doubles, Floats
 from ..errors import SettingsError
+from ..read_files import is_watching, note_read
 from . import color_space
 from .color_space import REC709, ColorSpace
 
@@ -67,7 +68,9 @@ def _source() -> str:
 
 
 def _config() -> Any:
-    return _load_config(_source())
+    source = _source()
+    note_read(source)
+    return _load_config(source)
 
 
 def config_name() -> str:
@@ -311,7 +314,11 @@ def _measured(name: str) -> ColorSpace | None:
 def _processor(made: Callable[[Any], Any], what: str) -> Any:
     """Return a CPU processor; `what` it does, for errors. LUTs are read here, so that faults are reported before rendering."""
     with _refused(f"the OCIO configuration cannot {what}", _source()):
-        return made(_config()).getDefaultCPUProcessor()
+        processor = made(_config())
+        if is_watching():
+            for lut in processor.getProcessorMetadata().getFiles():
+                note_read(lut)
+        return processor.getDefaultCPUProcessor()
 
 
 def _applied(processor: Any, rgb: Floats) -> Floats:

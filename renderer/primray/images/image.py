@@ -21,6 +21,7 @@ from ..description.picture_file import OTHER_EXTENSIONS, PLAIN, HeaderValue, Pic
 from ..diagnostic_messages import Announcer, picture_html
 from ..diagnostics import Diagnostic
 from ..errors import PrimrayError, SettingsError
+from ..read_files import note_output
 from ..settings import check_stops
 from .aov import Aov, Values
 from .deep import DeepPicture
@@ -440,6 +441,7 @@ def _whole(shown: Floats, bits: int) -> npt.NDArray[Any]:
 @contextmanager
 def replacing(path: Path) -> Iterator[str]:
     """Yield a temporary name beside the target of `path`; rename it to the target if the block succeeds."""
+    note_output(path)  # the last chance to keep a file that has been read
     target = through_links(path)
     temporary = target.with_name(f".{name_beside(path.stem)}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
     try:

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import PrimrayError, SettingsError
+from ..read_files import note_output
 
 
 def through_links(path: Path) -> Path:
@@ -57,10 +58,11 @@ def refusing_long_names(path: Path) -> Iterator[None]:
 def check_folder(path: Path) -> None:
     """Raise SettingsError unless a file can be written at `path`, or at the target of the link there.
 
-    Anything else that exists there is not replaced.
+    Anything else that exists there is not replaced, nor is a file that a command reads.
     """
     with refusing_long_names(path):
         _check_folder(path)
+    note_output(path)
 
 
 def _check_folder(path: Path) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..content_hash import hash_of_file
 from ..installed_packages import SCHEMAS, version_of
+from ..read_files import check_kept, note_read
 from ..report.report import package_versions
 from ..settings import RenderSettings, rows, settings_as_json, settings_of_json
 from ..settings.setting import file
@@ -45,6 +46,9 @@ def files_of(stage: Path, settings: RenderSettings) -> list[str]:
     for path in named:
         if path is not None and os.path.isfile(path):
             found += usd.dependencies(path).files if path.lower().endswith(STAGES) else [os.path.abspath(path)]
+    for path in found:
+        note_read(path)
+    check_kept()
     return list(dict.fromkeys(found))
 
 

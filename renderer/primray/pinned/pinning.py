@@ -15,6 +15,7 @@ from ..content_hash import hash_of_array
 from ..diagnostic_messages import Announcer
 from ..diagnostics import Diagnostics
 from ..errors import RenderCancelled, SettingsError
+from ..read_files import watching_files
 from ..render.interruption import interruption
 from ..render.prepare import Steps, open_once, prepare
 from ..render.progress import shown_progress
@@ -78,11 +79,11 @@ def pin(
     if not isinstance(stage, str | os.PathLike):
         raise SettingsError("pinning needs the stage's path, whose files are hashed", where="stage", code="pin-setting")
     root = with_real_folder(Path(stage))
-    place = _place(root, picture, lock)
-    check(settings)
-    _check_outputs(root, settings, place, None if picture is None else Path(picture))
-    with shown_progress(progress) as shown:
-        found, image = _rendered(root, settings, shown, Announcer(stage))
+    with watching_files():  # neither output may replace what the picture is made of
+        place = _place(root, picture, lock)
+        check(settings)
+        with shown_progress(progress) as shown:
+            found, image = _rendered(root, settings, shown, Announcer(stage))
     if picture is not None:
         found = replace(found, file=_saved(image, Path(picture), place, found.picture.pixels_sha256))
     found = replace(found, stage=Path(os.path.relpath(root, with_real_folder(place).parent)).as_posix())
@@ -103,21 +104,9 @@ def _place(stage: Path, picture: str | os.PathLike[str] | None, lock: str | os.P
     beside = stage if picture is None else Path(picture)
     place = beside.with_name(f"{beside.stem}{SUFFIX}") if lock is None else Path(lock)
     check_folder(place)
+    if picture is not None and os.path.realpath(place) == os.path.realpath(picture):
+        raise SettingsError("the lock and the picture are the same file", where=str(place), code="pin-output")
     return place
-
-
-def _check_outputs(stage: Path, settings: RenderSettings, lock: Path, picture: Path | None) -> None:
-    """Raise SettingsError where the lock or the picture would replace a file that the picture is made of, or the other one."""
-    if picture is not None and _is_same(lock, picture):
-        raise SettingsError("the lock and the picture are the same file", where=str(lock), code="pin-output")
-    inputs = {os.path.realpath(path) for path in files_of(stage, settings)}
-    for path in (lock, picture):
-        if path is not None and os.path.realpath(path) in inputs:
-            raise SettingsError("it would replace a file that the picture is made of", where=str(path), code="pin-output")
-
-
-def _is_same(one: Path, other: Path) -> bool:
-    return os.path.realpath(one) == os.path.realpath(other)
 
 
 def check(settings: RenderSettings) -> None:

@@ -20,6 +20,7 @@ from ..aovs import LIGHTS, AovRequest, aov_bytes, light_paths_of, shows_things, 
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError, UnsupportedError, did_you_mean
 from ..process_memory import without_collection
+from ..read_files import check_kept, is_watching
 from ..report.prepared import Prepared
 from ..settings import STAGING, DefaultWrap, Ground, Metric, RenderSettings, StopAt
 from ..settings.stage_settings import StageSettings
@@ -123,12 +124,17 @@ def _prepare(
             sizes = texture_sizes(description, usd.read_asset).values()
             check_memory(description, settings, [size for size in sizes if size], film_copies=int(fingerprinted))
         if not settings.surface_textures:
+            if is_watching():
+                from ..textures.texture_set import note_files
+
+                note_files(description)
             description = steps.without_images(description)
         description, textures = steps.load_textures(description, diagnostics, settings)
         if settings.dome is not None:
             from ..staging import require_dome
 
             require_dome(description, settings, diagnostics)
+        check_kept()
         diagnostics.raise_if_refused(settings.refusal)
     images = steps.image_sizes(textures)
     check_memory(description, settings, images, film_copies=int(fingerprinted))

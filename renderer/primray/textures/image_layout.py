@@ -20,6 +20,7 @@ import numpy.typing as npt
 from ..arrays import Doubles
 from ..description import Wrap
 from ..errors import AssetError
+from ..read_files import note_read
 from .image_errors import last_error
 
 if TYPE_CHECKING:
@@ -223,6 +224,7 @@ def read_header(path: str, read: Callable[[str], bytes]) -> oiio.ImageSpec | Non
 
     `read` returns the bytes of a package's member ("package.usdz[member]").
     """
+    note_read(path)
     if not path.endswith("]"):
         return _of_file(path)
     with tempfile.NamedTemporaryFile(suffix=PurePath(path[path.rindex("[") + 1 : -1]).suffix) as unpacked:

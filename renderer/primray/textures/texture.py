@@ -24,6 +24,7 @@ from ..color.color_space import REC709, SRGB, ColorSpace, linear, matrix, transf
 from ..description import TextureFile, Wrap
 from ..errors import AssetError, LimitError, SettingsError
 from ..file_formats import WHAT_IT_IS, is_pointer_file
+from ..read_files import note_read
 from .image_errors import fault_of_pixels, last_error
 from .image_layout import Layout, Windows, choose_layer, environment_of, is_srgb, windows_of, wraps_of
 
@@ -111,6 +112,7 @@ def load_texture(
     mode.
     """
     path = file.path if path is None else path
+    note_read(path)
     if read is not None and path.endswith("]"):
         member = path[path.rindex("[") + 1 :].rstrip("]")
         with tempfile.NamedTemporaryFile(suffix=PurePath(member).suffix) as unpacked:

@@ -23,6 +23,7 @@ from ..diagnostics import Diagnostic, Diagnostics
 from ..errors import AssetError, LimitError
 from ..photometry.flux import BRIGHTEST_EMISSION, DARK_TEXT, TOO_BRIGHT_TEXT, amount_of_unit_emission, clamped, scaled_to
 from ..photometry.light_shape import shape_key
+from ..read_files import note_read
 from ..time_spans import span
 from .texture import ReadAsset, Texture, load_texture
 from .tile_cache import TileCache
@@ -57,6 +58,13 @@ class LoadedFile:
         share images."""
         images = [(number, made.setdefault(id(image), image.without_texels())) for number, image in self.images]
         return replace(self, images=images)
+
+
+def note_files(description: SceneDescription) -> None:
+    """Note the description's images as files of a command, which has no need to read them."""
+    for file in _uses(description):
+        for _, path in _images(file):
+            note_read(path)
 
 
 def images_of(files: Mapping[TextureFile, LoadedFile]) -> TextureSet:

@@ -36,6 +36,7 @@ from ..content_hash import hash_of_file
 from ..description import TextureFile, Wrap
 from ..errors import AssetError
 from ..installed_packages import version_of
+from ..read_files import note_read
 from ..settings import RenderSettings
 from .image_layout import read_header
 from .texture import ReadAsset, Texture, load_texture
@@ -109,6 +110,8 @@ class TileCache:
 
         Texels that have been read stay in memory until the core takes them, up to the budget, beyond which they are read again.
         """
+
+        note_read(path)  # its levels may be in the cache already
 
         def decoded() -> Texture:
             with self.gate.of(self._float_bytes(path, read, len(channels))):

@@ -63,7 +63,7 @@ from .skinning.baking import any_drawn, posed_stage
 from .stage.edits import OpinionsLeak, isolated_copy
 from .stage.messages import file_names, scene_errors
 from .stage.metadata import meters_per_unit, up_axis
-from .stage.open import usd_messages
+from .stage.open import note_layers, usd_messages
 from .stage.values import when_of
 from .view_setup import SearchedStage, ViewSetup, find_by_type, set_up_view
 
@@ -174,6 +174,7 @@ def translate(
     with usd_messages(diagnostics), without_collection():
         view = set_up_view(edit_stage(stage, settings, diagnostics), settings, diagnostics, names, triangulator)
         description = finish(view, assemble(view.ctx, Record()))
+    note_layers(stage)  # those of value clips have been opened by now
     return description, with_names(diagnostics, names)
 
 

@@ -25,6 +25,7 @@ LAYERS: Mapping[str, tuple[str, ...]] = {
         "installed_packages",
         "file_formats",
         "composition",
+        "read_files",
         "diagnostic_codes",
         "process_memory",
         "time_spans",

@@ -86,7 +86,7 @@ def test_a_lock_does_not_replace_what_the_picture_is_made_of(output: str, tmp_pa
     stage = write_shot(tmp_path)
     (tmp_path / "link.usda").symlink_to(stage)
     before = (tmp_path / output).read_bytes()
-    with pytest.raises(SettingsError, match="would replace a file that the picture is made of"):
+    with pytest.raises(SettingsError, match="would overwrite a file that the command reads"):
         primray.pin(stage, lock=tmp_path / output, **SIZE)
     assert (tmp_path / output).read_bytes() == before
 
@@ -96,7 +96,7 @@ def test_a_picture_replaces_neither_a_texture_nor_its_lock(tmp_path: Path) -> No
     stage.write_text(STAGE.replace("paint.png", "paint.exr"))
     primray.render(stage, resolution=(8, 8), spp=2).save(tmp_path / "paint.exr")
     before = (tmp_path / "paint.exr").read_bytes()
-    with pytest.raises(SettingsError, match="would replace a file"):
+    with pytest.raises(SettingsError, match="would overwrite a file"):
         primray.pin(stage, tmp_path / "paint.exr", **SIZE)
     with pytest.raises(SettingsError, match="are the same file"):
         primray.pin(stage, tmp_path / "a.exr", lock=tmp_path / "a.exr", **SIZE)

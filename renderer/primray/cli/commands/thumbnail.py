@@ -133,7 +133,8 @@ def _made(
     with tempfile.TemporaryDirectory(prefix="primray-thumbnail-") as folder:
         files = [Path(folder, f"{size}.png") for size in sizes]
         text = cache_text(asset) if is_cached else {}
-        request = Request(str(asset.absolute()), sizes, tuple(map(str, files)), settings, text, timeout_s, memory_bytes)
+        places = () if is_packed else tuple(str(target.absolute()) for target in targets)
+        request = Request(str(asset.absolute()), sizes, tuple(map(str, files)), places, settings, text, timeout_s, memory_bytes)
         said = _rendered_for_cache(asset, request, Path(folder)) if is_cached else render_thumbnails(request, Path(folder))
         if verbose and said:
             print(said, file=sys.stderr)

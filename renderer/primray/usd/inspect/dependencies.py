@@ -11,6 +11,7 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import SettingsError, StageOpenError
+from ...read_files import check_kept, note_read
 from ..materials.materialx.documents import files_of_documents
 from ..materials.materialx.filename_tokens import files_at, has_tokens
 from ..stage.messages import FileNames, check_is_text, tf_message
@@ -46,6 +47,9 @@ def dependencies(path: str) -> Dependencies:
         assets, missing = assets | named, missing | not_there
         fixed = sorted({found for layer in layers for found in _fixed_paths(layer)})
     files = (root, *sorted((layers | assets) - {root}))
+    for file in files:
+        note_read(file)
+    check_kept()
     return Dependencies(files, tuple(fixed), tuple(sorted(missing)))
 
 

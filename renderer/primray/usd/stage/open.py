@@ -19,6 +19,8 @@ from ...diagnostics import Diagnostics
 from ...errors import AssetError, InvalidSceneError, LimitError, PrimrayError, SettingsError, StageOpenError
 from ...file_formats import CODE as OTHER_FORMAT
 from ...file_formats import WHAT_IT_IS, advice_for_file, is_pointer_file, refers_to_other_format
+from ...read_files import check_kept, is_watching, note_read
+from ..inspect.light_path_layer import LIGHT_PATHS
 from ..materials.materialx.references import Redirection, is_format_message, rebuild_layers, refers_to_documents
 from ..materials.materialx.substitute_layers import with_original_names
 from .composition import add_load_rules, check_population, choose_variants, note_unloaded, populate, session_over
@@ -126,7 +128,17 @@ def _noted(opened: Callable[[], Usd.Stage], diagnostics: Diagnostics, compositio
         check_rates(stage, diagnostics)
     note_units(stage, diagnostics)
     note_wrong_types(stage, diagnostics)
+    note_layers(stage)
     return stage
+
+
+def note_layers(stage: Usd.Stage) -> None:
+    """Note the layers as read files, but for those of light paths, which the command that made them may write again."""
+    if is_watching():
+        for layer in stage.GetUsedLayers():
+            if layer and layer.realPath and not layer.GetPrimAtPath(f"/{LIGHT_PATHS}"):
+                note_read(layer.realPath)
+        check_kept()
 
 
 def _names_of(source: str | os.PathLike[str] | Usd.Stage) -> FileNames:

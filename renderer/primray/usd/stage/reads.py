@@ -17,6 +17,7 @@ from pxr import Ar, Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from ...diagnostics import Diagnostics
 from ...errors import AssetError
+from ...read_files import note_read
 from .messages import tf_message
 
 # TypeError: a value of a type that Python does not have. RuntimeError: an object that USD considers expired.
@@ -302,6 +303,7 @@ def computed(what: Callable[[], Value], default: Value) -> Value:
 
 def read_asset(path: str, most: int | None = None) -> bytes:
     """Return the asset's bytes; raise AssetError if it cannot be opened, or is larger than `most` bytes."""
+    note_read(path)
     try:
         asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
     except Tf.ErrorException as error:  # such as a compressed member of a package

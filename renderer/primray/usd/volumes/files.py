@@ -18,6 +18,7 @@ from pxr import Ar
 
 from ...errors import AssetError
 from ...process_memory import machine_bytes
+from ...read_files import note_read
 from ...volumes.vdb_bytes import VdbError
 from ...volumes.vdb_file import GridInfo, find_grid, list_grids, read_grid
 from ...volumes.volume_grid import LEVEL_SET, VolumeGrid
@@ -57,6 +58,7 @@ def grid_of_file(
 
     `path` is resolved: a file, or a member of a package. Raises UnreadableGridError.
     """
+    note_read(path)
     key = (*_state_of(path), name, index, limit, signed_width)
     grid = _READ.get(key)
     if grid is None:
