@@ -12,6 +12,7 @@ import pytest
 from tests.described import (
     ISAS,
     Described,
+    box,
     core_module,
     describe,
     ground,
@@ -153,6 +154,26 @@ def test_a_lamp_in_a_globe_is_found() -> None:
     means, noise = guided.mean(axis=0), guided.std(axis=0)
     assert np.median(noise / means) < 0.1
     assert np.median(plain.mean(axis=0)) < 0.1 * np.median(means)  # which hardly any ray finds
+
+
+def test_a_lamp_that_is_a_mesh_is_found() -> None:
+    """Its light leaves a ball of glass, where hardly any ray finds it by chance, and crosses one beside it."""
+    shapes: list[tuple[Shape, Doubles]] = [
+        (ground(6.0), np.eye(4)),
+        (box((0.04, 0.04, 0.04), 2), translation(0, 1, 0)),
+        (Sphere("/globe", 0.2, 1), translation(0, 1, 0)),
+        (Sphere("/ball", 0.2, 1), translation(0.6, 0.5, 0)),
+    ]
+    camera = perspective(look_at([0, 4.0, 4.0], [0, 0, 0]), 0.35)
+    scene = describe(shapes, [lambert(0.5), GLASS, lambert(0.0, 100.0)], [], camera, (16, 16)).build()
+    guide = kernels().find_caustics(scene, DEPTH, 1)
+    assert guide is not None
+    points = np.stack(np.meshgrid(np.linspace(-1, 1, 7), [0.0], np.linspace(-1, 1, 7)), axis=-1).reshape(-1, 3)
+    toward = np.array([0, 1, 0]) - points
+    toward = np.ascontiguousarray((toward / np.linalg.norm(toward, axis=1, keepdims=True)).astype(np.float32))
+    share, _, _, _ = kernels().caustic_lobes(scene, guide, points, np.zeros_like(toward), toward)
+    assert (share > 0.2).all()
+    assert_mean_is_kept_with_less_noise(scene, guide, 256, DEPTH)  # 0.2 of the noise when this was written
 
 
 def test_photons_of_a_floor_are_found_beside_a_wall() -> None:

@@ -14,6 +14,7 @@
 #include "guiding/caustic_guide.hpp"
 #include "guiding/guided_scattering.hpp"
 #include "guiding/pilot/caustic_photons.hpp"
+#include "light/mesh/mesh_light.hpp"
 #include "light/sampler/selection.hpp"
 #include "math/box.hpp"
 #include "medium/phase_function.hpp"
@@ -300,6 +301,16 @@ class Photons {
     F brings() const { return weight * travelled.spread() * luminance(beta); }
   };
 
+  // Samples a point of lights as seen from p. `among_triangles`: random bits that choose a mesh light's triangle.
+  LightSample<W> point_on_light(B m, I light, const V& p, vuint<W> among_triangles, const Pair<W>& u, F time) const {
+    const LightTable& lights = scene_.lights;
+    LightSample<W> s = light_sample(lights, light, m, p, u.u, u.v, time);
+    if (!scene_.emitters.any()) return s;
+    const B mesh = m & is_type(LightRow<W>(lights, light).type(), LightType::kMesh);
+    if (any(mesh)) sample_mesh(scene_, mesh, light, p, V(F(0.0f)), among_triangles, u.u, u.v, time, s);
+    return s;
+  }
+
   B launch(const Corners& lanes, const Sampler<W>& sampler, VolumeSets& sets, Flight& photon) const {
     const LightTable& lights = scene_.lights;
     const I none(0);
@@ -313,7 +324,8 @@ class Photons {
     F time(0.0f);
     if (scene_.moves()) time = scene_.motion.opens + sampler.single(none, Purpose::kRoulette) * scene_.motion.length;
     const B possible = choice.probability > F(0.0f);
-    LightSample<W> s = light_sample(lights, choice.light, possible, center, u.u, u.v, time);
+    const vuint<W> among_triangles = sampler.bits_of(none, Purpose::kEmitter);
+    LightSample<W> s = point_on_light(possible, choice.light, center, among_triangles, u, time);
     // A light inside the ball, as a lamp in a globe, is sampled from points of the ball's surface.
     const F reach = radius * 1.01f;
     const B inside = possible & !((s.pdf > F(0.0f)) & (s.t > reach));
@@ -321,7 +333,7 @@ class Photons {
     if (any(inside)) {
       outwards = select(inside, direction_at(1.0f - 2.0f * disc.u, disc.v), outwards),
       reference = select(inside, center + outwards * radius, center);
-      const LightSample<W> other = light_sample(lights, choice.light, inside, reference, u.u, u.v, time);
+      const LightSample<W> other = point_on_light(inside, choice.light, reference, among_triangles, u, time);
       s.wi = select(inside, other.wi, s.wi), s.t = select(inside, other.t, s.t), s.pdf = select(inside, other.pdf, s.pdf);
       s.L = select(inside, other.L, s.L), s.is_delta = (inside & other.is_delta) | (!inside & s.is_delta);
     }
