@@ -182,6 +182,11 @@ class Announcer:
         return "\n  ".join([f"{self._stage}: {_counted(news)}", *lines])
 
 
+def without_place(warning: str) -> str:
+    """Return the lines of an announced warning alone, as the command line prints diagnostics."""
+    return "\n".join(line.removeprefix("  ") for line in warning.split("\n")[1:])
+
+
 def _counted(news: list[Diagnostic]) -> str:
     counts = ((severity.value, sum(d.severity is severity for d in news)) for severity in (Severity.ERROR, Severity.WARNING))
     return ", ".join(f"{count:,} {name}{'s' if count > 1 else ''}" for name, count in counts if count)

@@ -10,8 +10,10 @@ import atexit
 import gc
 import os
 import sys
+import warnings
 from collections.abc import Callable
-from typing import NoReturn
+from functools import partial
+from typing import Any, NoReturn
 
 from .. import process_memory
 from ..errors import PrimrayError
@@ -54,6 +56,7 @@ def _leave(code: int) -> NoReturn:
 def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
     """Run one command line after `start`; return its exit code."""
     verbose, as_json = False, "--json" in arguments
+    shown, warnings.showwarning = warnings.showwarning, partial(_show_warning, warnings.showwarning)
     try:
         start()
         arguments = translate_foreign_flags(arguments)
@@ -77,7 +80,18 @@ def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
 
             error = unexpected(error, "this is a bug in primray; --verbose prints a traceback")
         return _fail(error, verbose, as_json)
+    finally:
+        warnings.showwarning = shown
     return 0
+
+
+def _show_warning(others: Callable[..., None], message: Warning | str, category: type[Warning], *place: Any) -> None:
+    """Print diagnostics of a render that announces them as a program's user reads them, without a line of Python."""
+    from ..diagnostic_messages import RenderWarning, without_place
+
+    if not issubclass(category, RenderWarning):
+        return others(message, category, *place)
+    print(without_place(str(message)), file=sys.stderr)
 
 
 def _check_are_text(arguments: list[str]) -> None:

@@ -201,6 +201,18 @@ def _may_be_in_frame(corners: Doubles, camera: Camera) -> bool:
     return not any(bool(np.all(plane)) for plane in outside)
 
 
+def has_light(description: SceneDescription) -> bool:
+    """Return whether anything emits: a light, a surface, a volume or fog. Textures and patterns are taken to emit somewhere."""
+    emissions = [light.emission for light in description.lights]
+    emissions += [shape.light.emission for shape in description.shapes if shape.light is not None and shape.light.own_color]
+    emissions += [surface.emissive_color for surface in description.surfaces]
+    emissions += [surface.volume.emission for surface in description.surfaces if surface.volume is not None]
+    emissions += [volume.emission for volume in description.volume_emissions]
+    if description.fog is not None:
+        emissions.append(description.fog.emission)
+    return any(map(any, emissions)) or any("emissive_color" in surface.varying for surface in description.surfaces)
+
+
 def without_emission(description: SceneDescription, kept: Collection[str] = ()) -> SceneDescription:
     """Return the scene with no light of surfaces, shapes, volumes and fog; only shapes that are lights of `kept` paths shine.
 

@@ -8,7 +8,8 @@ Sources are found in a fisheye picture: what is brighter than a multiple of the 
 (evalglare's rule). A source's luminance L and solid angle w are those by which L w and L^2 w are the integrals over its pixels,
 so pixels that it covers in part weigh less. Noise would bias the squares; with the error e of a pixel from two replicates,
 L^2 - e^2 is their product, which it does not bias. Intervals follow from the errors of the sources' luminances and of the
-vertical illuminance, which a light meter reads at the eye.
+vertical illuminance, which a light meter reads at the eye. The upper end has what pixels on a source's rim may hide, too: a
+pixel of mean v that a source of luminance L covers in part adds v^2 to the integral in place of v L.
 """
 
 from __future__ import annotations
@@ -182,7 +183,7 @@ def rating_of(image: Image, place: Doubles, lit: Reading, threshold: float | Non
     seen = solid > 0
     mean = float((luminance * solid)[seen].sum() / solid.sum())
     limit = TIMES * mean if threshold is None else threshold
-    sources = []
+    sources, sharp = [], []
     for rows in _apart(directions, luminance, seen & (luminance > limit)):
         omega = solid[rows]
         received = float((luminance[rows] * omega).sum())
@@ -193,17 +194,25 @@ def rating_of(image: Image, place: Doubles, lit: Reading, threshold: float | Non
         middle /= np.linalg.norm(middle)
         x, y, z = (place[:3, :3] @ middle).tolist()
         cosine = float((directions[rows][:, 2] * -omega).sum() / omega.sum())
-        sources.append(GlareSource(light, error, received / light, (x, y, z), position_index(middle), cosine))
-    sources.sort(key=lambda source: -source.luminance * source.solid_angle)
+        source = GlareSource(light, error, received / light, (x, y, z), position_index(middle), cosine)
+        most = light + _hidden_by_rim(luminance, solid, rows) / received
+        sources.append(source)
+        sharp.append(replace(source, luminance=most, solid_angle=received / most))
+    order = sorted(range(len(sources)), key=lambda k: -sources[k].luminance * sources[k].solid_angle)
+    sources, sharp = [sources[k] for k in order], [sharp[k] for k in order]
     values = np.array([source.luminance for source in sources])
     deviations = np.array([source.error for source in sources])
     e, e_error = lit.value, lit.half_width / Z95
-    found = tuple(sources)
+    found, bound = tuple(sources), tuple(sharp)
+    values_bound = np.array([source.luminance for source in bound])
+
+    def rated(rating: Callable[[float, Doubles, tuple[GlareSource, ...]], float | None]) -> Interval:
+        value, low, high = _with_interval(lambda e, v: rating(e, v, found) or 0.0, e, e_error, values, deviations)
+        return value, low, high + max((rating(e, values_bound, bound) or 0.0) - value, 0.0)
+
     return GlareRating(
-        dgp=_with_interval(lambda e, v: _dgp(e, v, found), e, e_error, values, deviations),
-        ugr=None
-        if _ugr(e, values, found) is None
-        else _with_interval(lambda e, v: _ugr(e, v, found) or 0.0, e, e_error, values, deviations),
+        dgp=rated(_dgp),
+        ugr=None if _ugr(e, values, found) is None else rated(_ugr),
         vertical_illuminance=lit,
         sources=found,
         background=_background(e, values, found),
@@ -235,6 +244,26 @@ def _apart(directions: Doubles, luminance: Doubles, bright: Any) -> list[tuple[A
         found.append((rows[left[near]], columns[left[near]]))
         left = left[~near]
     return found
+
+
+def _hidden_by_rim(luminance: Doubles, solid: Doubles, rows: tuple[Any, Any]) -> float:
+    """Return the most that a source's integral of L^2 lacks because pixels on its rim are means over it and what is around it.
+
+    The source is taken to be as bright as the brightest of a pixel's neighbours.
+    """
+    inside = np.zeros(luminance.shape, bool)
+    inside[rows] = True
+    brightest, darkest, core, reach = luminance.copy(), luminance.copy(), inside.copy(), inside.copy()
+    for across in (-1, 0, 1):
+        for down in (-1, 0, 1):
+            moved = np.roll(luminance, (down, across), (0, 1))
+            np.maximum(brightest, moved, out=brightest)
+            np.minimum(darkest, moved, out=darkest)
+            core &= np.roll(inside, (down, across), (0, 1))
+            reach |= np.roll(inside, (down, across), (0, 1))
+    rim, around = inside & ~core, reach & ~inside & (solid > 0)
+    lacking = (luminance * (brightest - luminance) * solid)[rim].sum()
+    return float(lacking + ((luminance - darkest) * brightest * solid)[around].sum())
 
 
 def position_index(direction: Doubles) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from ..arrays import Doubles
 from ..description import SceneDescription
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError
-from ..render.prepare import OpenedStage, Textures, open_once, prepare
+from ..render.prepare import OpenedStage, Steps, Textures, open_once, prepare
 from ..render.render import with_setting_names
 from ..report.report import Costs
 from ..sampling.sampling import Sampling
@@ -103,7 +104,7 @@ class _MeterSteps(LightSteps):
             return super().load_textures(description, diagnostics, settings)
         description, sky = under_overcast_sky(description)
         lights = description.lights
-        description, textures = super().load_textures(replace(description, lights=()), diagnostics, settings)
+        description, textures = Steps.load_textures(self, replace(description, lights=()), diagnostics, settings)
         return replace(description, lights=lights), {**textures, **sky}
 
 
@@ -162,10 +163,12 @@ def measure(
         facets = facets_of(meters_here, half)
         steps = _MeterSteps(facets, is_overcast=daylight_factor)
         here = told.pop() if told else Diagnostics()
-        prepared = prepare(opened, opening, _asked(settings, facets), costs, here, steps=steps)
+        prepared = steps.as_sampled(prepare(opened, opening, _asked(settings, facets), costs, here, steps=steps))
         judge = PrecisionJudge(meters_here.meters, precision, brightest)
         passes.append(sampled(prepared, costs, judge, shown))
         measured.put(group, Measured.of(passes[-1], len(group)))
+        if not steps.has_light:
+            measured.samples[group] = math.inf  # no number of samples would find any
 
     for number, (group, half) in enumerate(groups):
         sample(group, half, None, partial(_shown, progress, number, len(groups)))
@@ -178,7 +181,8 @@ def measure(
     unit = OUTSIDE / maintenance_factor if daylight_factor else 1 / maintenance_factor
     measured = measured.over(unit)
     readings = readings_of(measured, meters_of_all.meters, precision)
-    _note_darkness(readings, diagnostics)
+    if np.isfinite(measured.samples).all():
+        _note_darkness(readings, diagnostics)
     return Measurement(
         tuple(readings),
         tuple(grids_of(measured, readings)),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..description.scene import has_light
 from ..diagnostics import Diagnostics
 from ..errors import LimitError, RenderCancelled, SettingsError
 from ..render.interruption import interruption
@@ -26,6 +27,7 @@ from .meters import CODE
 if TYPE_CHECKING:
     from ..description import SceneDescription
     from ..images.image import Image
+    from ..render.prepare import Textures
     from ..report.prepared import Prepared
     from .readings import PrecisionJudge
 
@@ -56,12 +58,45 @@ def settings_of_light(settings: RenderSettings) -> RenderSettings:
 
 
 class LightSteps(Steps):
-    """The steps of a render, without the stage's render settings and the exposure of its camera."""
+    """The steps of a render, without the stage's render settings and the exposure of its camera.
+
+    `has_light` is whether anything emits; where nothing does, that is reported, and a measurement need not look for light.
+    """
+
+    has_light = True
+    _stage: Any = None
 
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
+        self._stage = stage
         description, told = super().translate(stage, settings)
         camera = replace(description.camera, exposure_scale=1.0)
         return replace(description, asked=NOTHING_ASKED, camera=camera), told
+
+    def load_textures(
+        self, description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings
+    ) -> tuple[SceneDescription, Textures]:
+        description, textures = super().load_textures(description, diagnostics, settings)
+        self.has_light = has_light(description)
+        if not self.has_light:
+            diagnostics.add("no-light", "", _why_dark(self._stage, settings))
+        return description, textures
+
+    def as_sampled(self, prepared: Prepared) -> Prepared:
+        """Return a picture with as few samples as an interval needs where nothing emits."""
+        return prepared if self.has_light else replace(prepared, settings=replace(prepared.settings, spp=2))
+
+
+def _why_dark(stage: Any, settings: RenderSettings) -> str:
+    from .. import usd
+
+    found = usd.undrawn_lights(stage, settings)
+    if not found:
+        return "Nothing emits light: the stage has neither lights nor emissive materials."
+    parts = []
+    for why, paths in found.items():
+        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+        parts.append(f"{paths[0]}{more} {'are' if more else 'is'} {why or 'without emission'}")
+    return f"Nothing emits light: {'; '.join(parts)}."
 
 
 def picture_of_light(opened: OpenedStage, settings: RenderSettings) -> Image:
@@ -72,7 +107,8 @@ def picture_of_light(opened: OpenedStage, settings: RenderSettings) -> Image:
     from ..diagnostic_messages import Announcer
 
     costs, diagnostics = Costs(), Diagnostics()
-    prepared = prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, steps=LightSteps())
+    steps = LightSteps()
+    prepared = steps.as_sampled(prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, steps=steps))
     Announcer(opened.name).tell(diagnostics)
     return picture_of(prepared, sampled(prepared, costs), costs, diagnostics)
 

@@ -18,7 +18,7 @@ from .inspect.layer_edits import Edit, edits_between, files_named, made_alone, s
 from .inspect.light_path_layer import LIGHT_PATHS, light_path_layer
 from .inspect.prim_identity import assets_of, names_in_instances
 from .inspect.scene_facts import stage_facts
-from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_shapes
+from .inspect.undrawn_shapes import count_undrawn_shapes, undrawn_lights, undrawn_shapes
 from .lights.weight_layer import weight_layer
 from .materials.bound_materials import bound_materials
 from .render_settings.outputs import can_share_render, ordered_picture_channels, output_facts, outputs_of, pixel_settings
@@ -92,6 +92,7 @@ __all__ = [
     "stage_facts",
     "stage_name",
     "translate",
+    "undrawn_lights",
     "undrawn_shapes",
     "used_files",
     "used_layer",

@@ -242,3 +242,61 @@ def test_values_that_are_no_meters_are_refused(make: Any, said: str) -> None:
 def test_a_direction_has_any_length() -> None:
     for size in (1e-300, 1e300):
         assert LightMeter("a", (0, 0, 0), (0, size, 0)).direction == (0.0, 1.0, 0.0)
+
+
+DARK: dict[str, tuple[str, str]] = {
+    "no light": ("", "the stage has neither lights nor emissive materials"),
+    "invisible": ('def SphereLight "lamp"\n{\n    token visibility = "invisible"\n}\n', "/lamp is invisible at this frame"),
+    "inactive": ('def SphereLight "lamp" (\n    active = false\n)\n{\n}\n', "/lamp is inactive"),
+    "not rendered": ('def SphereLight "lamp"\n{\n    uniform token purpose = "guide"\n}\n', "/lamp is of purpose guide"),
+    "without intensity": ('def SphereLight "lamp"\n{\n    float inputs:intensity = 0\n}\n', "/lamp is without emission"),
+    "black": ('def DomeLight "lamp"\n{\n    color3f inputs:color = (0, 0, 0)\n}\n', "/lamp is without emission"),
+}
+HEAD = '#usda 1.0\n(\n    upAxis = "Y"\n    metersPerUnit = 1\n)\n'
+SLAB = 'def Cube "floor"\n{\n}\n'
+BOUND = 'def Cube "floor" (\n    prepend apiSchemas = ["MaterialBindingAPI"]\n)\n{\n    rel material:binding = </M>\n}\n'
+GLOWING = """def Material "M"
+{
+    token outputs:surface.connect = </M/s.outputs:surface>
+    def Shader "s"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:emissiveColor = (0, 0, 5)
+        token outputs:surface
+    }
+}
+"""
+
+
+@pytest.mark.parametrize("case", DARK)
+def test_a_stage_that_emits_nothing_is_told_at_once(case: str, tmp_path: Path) -> None:
+    lamp, why = DARK[case]
+    stage = tmp_path / "dark.usda"
+    stage.write_text(HEAD + SLAB + lamp)
+    found = measure(stage, [LightMeter("a", (0.0, 3.0, 0.0)), LightMeter("b", (400.0, 3.0, 0.0))])
+    assert [(row.value, row.low, row.high, row.met) for row in found.readings] == [(0, 0, 0, True)] * 2
+    assert found.report["samples"] <= 256
+    told = [(row["code"], row["message"]) for row in found.report["diagnostics"]]
+    assert [code for code, _ in told] == ["no-light"]
+    assert why in told[0][1]
+    with pytest.raises(PrimrayError, match="Nothing emits light"):
+        measure(stage, [LightMeter("a", (0.0, 3.0, 0.0))], fail_on=("no-light",))
+    assert measure(stage, [LightMeter("a", (0.0, 3.0, 0.0))], daylight_factor=True, target=0.1).readings[0].value > 0.9
+
+
+def test_materials_that_emit_are_light(tmp_path: Path) -> None:
+    stage = tmp_path / "glowing.usda"
+    stage.write_text(HEAD + BOUND + GLOWING)
+    found = measure(stage, [LightMeter("a", (0.0, 3.0, 0.0), (0.0, -1.0, 0.0))], target=0.1)
+    assert found.readings[0].value > 0
+    assert all(row["code"] != "no-light" for row in found.report["diagnostics"])
+
+
+@pytest.mark.filterwarnings("default")
+def test_the_command_tells_diagnostics_of_ratings_without_a_line_of_python(tmp_path: Path, capsys: Any) -> None:
+    stage = tmp_path / "dark.usda"
+    stage.write_text(HEAD + SLAB)
+    assert run(["measure", str(stage), "--glare", "--at", "0,3,0", "--facing", "1,0,0"]) == 0
+    said = capsys.readouterr()
+    assert said.err.startswith("warning: no-light")
+    assert "RenderWarning" not in said.err
