@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from ..sampling.sampling import Progress
 
 CODE = "lights-turn"
+COMPOSING = ("variants", "load", "mask", "session_layer")  # settings that decide what is on the stage
 # What the new render decides itself.
 OWN = ("aovs", "spp", "target_error", "time_limit_s", "adaptive", "denoise", "stop_at", "mixes", "background", "ground")
 
@@ -137,6 +138,12 @@ def settings_of_header(header: Mapping[str, str | int | float], resolution: tupl
         return replace(asked, aovs=(LIGHTS,), sample_range=None, spp=mean if spp is None else spp)
     except (TypeError, ValueError) as error:
         raise SettingsError(f"the picture's header has settings of another version: {error}", code=CODE) from None
+
+
+def composition_of_header(header: Mapping[str, str | int | float]) -> RenderSettings:
+    """Return the settings by which the stage of a picture was composed, as its header tells them; others are the defaults."""
+    told = [(row, header.get(f"settings.{row.name}")) for row in rows(RenderSettings) if row.name in COMPOSING]
+    return RenderSettings(**{row.name: _value(row, value) for row, value in told if value is not None})
 
 
 def _value(row: Row, told: str | int | float) -> Any:

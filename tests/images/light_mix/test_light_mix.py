@@ -301,8 +301,91 @@ def test_a_layer_of_the_stage_is_not_overwritten(tmp_path: Path, capsys: Any, mo
     picture(spp=2).save("room.exr")
     before = Path("room.usda").read_bytes()
     assert run(["relight", "room.exr", "-l", "key=2", "--layer", "room.usda", "--stage", "top.usda"]) == 2
-    assert "a layer of the stage" in capsys.readouterr().err
+    assert "a file that the command reads" in capsys.readouterr().err
     assert Path("room.usda").read_bytes() == before
+
+
+VARIED = """#usda 1.0
+(
+    upAxis = "Y"
+)
+def Xform "rig" (
+    payload = @./lamps.usda@
+    variants = {
+        string look = "day"
+    }
+    prepend variantSets = "look"
+)
+{
+    variantSet "look" = {
+        "day" {
+            def SphereLight "key"
+            {
+                float inputs:intensity = 3
+            }
+        }
+        "night" {
+            def SphereLight "key"
+            {
+                float inputs:intensity = 20
+            }
+            def SphereLight "moon"
+            {
+            }
+        }
+    }
+}
+def Camera "eye"
+{
+    double3 xformOp:translate = (0, 0, 8)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Sphere "ball"
+{
+}
+"""
+LAMPS = """#usda 1.0
+(
+    defaultPrim = "lamps"
+)
+def "lamps"
+{
+    def SphereLight "rim"
+    {
+        float inputs:intensity = 7
+    }
+}
+"""
+SESSION = """#usda 1.0
+over "rig"
+{
+    over "moon"
+    {
+        float inputs:intensity = 50
+    }
+}
+"""
+
+
+def test_the_layer_is_of_the_stage_as_it_was_rendered(tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rig.usda").write_text(VARIED)
+    Path("lamps.usda").write_text(LAMPS)
+    Path("session.usda").write_text(SESSION)
+    as_rendered = ["--variant", "/rig:look=night", "--session-layer", "session.usda"]
+    small = ["--res", "8", "6", "--spp", "2", "--aov", "lights", "-o", "rig.exr"]
+    assert run(["render", "rig.usda", *small, *as_rendered]) == 0
+    capsys.readouterr()
+    relit = ["relight", "rig.exr", *(word for name in ("key", "moon", "rim") for word in ("-l", f"{name}=2"))]
+    assert run([*relit, "--stage", "rig.usda", "--layer", "mix.usda", "--report", "mix.json"]) == 0
+    over = Usd.Stage.Open("mix.usda")
+    values = {name: over.GetPrimAtPath(f"/rig/{name}") for name in ("key", "rim", "moon")}
+    assert {n: p.GetAttribute("inputs:intensity").Get() for n, p in values.items() if p} == {"key": 40, "rim": 14}
+    assert "session layer" in json.loads(Path("mix.json").read_text())["left_out"]["/rig/moon"]
+    Path("session.usda").unlink()
+    assert run([*relit, "--stage", "rig.usda", "--layer", "again.usda"]) in (2, 3)
+    assert "session.usda" in capsys.readouterr().err
+    assert not Path("again.usda").exists()
 
 
 @pytest.mark.parametrize(

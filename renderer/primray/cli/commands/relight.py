@@ -215,14 +215,15 @@ def _facts(mix: LightMix, weights: Weights) -> list[dict[str, Any]]:
 def _write_layer(mix: LightMix, weights: Weights, stage: str, layer: Path) -> dict[str, str]:
     from ... import usd
     from ...color.color_space import REC709
-    from ...diagnostics import Diagnostics
     from ...images.image import write_text
+    from ...render.prepare import open_once
+    from ...render.turned_dome import composition_of_header
 
     of_lights = {path: weights[part.name] for part in mix.parts for path in part.paths if weights[part.name] != (1.0, 1.0, 1.0)}
     if mix.image.color_space != REC709 and any(len(set(weight)) > 1 for weight in of_lights.values()):
         sentence = "the picture's colour space is not Rec.709, in which UsdLux has colours: weigh lights by one factor each"
         raise SettingsError(sentence, where=str(layer), code="lights-layer")
-    opened = usd.open_stage(stage, Diagnostics())
+    opened = open_once(stage, composition_of_header(mix.image.metadata)).stage
     usd.check_layer_output(opened, layer)
     text, left_out = usd.weight_layer(opened, of_lights)
     for part in mix.parts:

@@ -36,9 +36,16 @@ def weight_layer(stage: Usd.Stage, weights: Mapping[str, tuple[float, float, flo
             left_out[path] = f"it has no {INTENSITY}"
         elif any(has_spline(prim.GetAttribute(name)) for name in (INTENSITY, COLOR)):
             left_out[path] = "its intensity or colour is a spline"
+        elif any(_is_in_session(stage, prim.GetAttribute(name)) for name in (INTENSITY, COLOR)):
+            left_out[path] = "the session layer has its intensity or colour, and is stronger than any sublayer"
         else:
             _weigh(prim, target.OverridePrim(path), weight)
     return layer.ExportToString(), left_out
+
+
+def _is_in_session(stage: Usd.Stage, attribute: Usd.Attribute) -> bool:
+    own = set(stage.GetLayerStack()) - set(stage.GetLayerStack(includeSessionLayers=False))
+    return any(layer.GetAttributeAtPath(attribute.GetPath()) for layer in own)
 
 
 def _weigh(light: Usd.Prim, over: Usd.Prim, weight: tuple[float, float, float]) -> None:
