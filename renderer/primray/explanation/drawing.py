@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from .explained import ExplainedPixel
     from .noise import NoisePath
 
-STEPS = 48  # of a straight piece of a path, which a lens may bend
+STEPS = 8  # of a straight piece of a path, before it is cut finer where a lens bends it, or where it leaves the view
+FINEST = 14  # halvings of a step at most
+LONGEST_BENT, LONGEST_STRAIGHT = 6.0, 1.0  # steps in the picture: pixels, sides of the picture
 BY_NOISE, AT_RANDOM, PIXEL = (1.0, 0.45, 0.05), (0.25, 0.6, 1.0), (0.1, 1.0, 0.3)
 FAINTEST = 0.15  # opacity
 HALF_WIDTH = 1.2  # pixels
@@ -42,8 +44,10 @@ def overlay(image: Image, pixel: ExplainedPixel) -> npt.NDArray[np.uint8]:
     largest = max((path.share for path in pixel.noise), default=0.0)
     for path in sorted(pixel.noise, key=lambda path: (not path.is_random, path.share)):
         color = AT_RANDOM if path.is_random else BY_NOISE
-        seen = _projected(pixel.seen_by, path.points, (width, height))
-        _draw(shown, seen, color, opacity_of(path, largest))
+        # The way from the lens is a point where the lens is one; beside the middle of another it would sweep through the view.
+        if len(path.points) > 2:
+            seen = _projected(pixel.seen_by, path.points[1:], (width, height))
+            _draw(shown, seen, color, opacity_of(path, largest))
     _mark(shown, *pixel.pixel)
     return (np.clip(shown, 0, 1) * 255 + 0.5).astype(np.uint8)
 
@@ -94,9 +98,36 @@ def _width(camera: Camera, pixel: ExplainedPixel) -> float:
 
 
 def _projected(camera: Camera, points: Sequence[tuple[float, float, float]], resolution: tuple[int, int]) -> Doubles:
-    """Return the line through the points as pixel positions (N, 2), NaN where the camera does not see it."""
-    line = np.concatenate([np.linspace(a, b, STEPS, endpoint=False) for a, b in pairwise(points)] + [[points[-1]]])
-    return camera.project(line, resolution)
+    """Return the line through the points as pixel positions (N, 2), NaN where the camera does not see it.
+
+    Equal steps along a path are steps of any size in the picture: what passes near the camera sweeps through the whole view at
+    once. Steps are halved where they are long in the picture, and where the line leaves the view. What is long even then is a
+    seam of a picture of all directions, which is no part of the line.
+    """
+    corners, size = np.asarray(points, np.float64), np.asarray(resolution, np.float64)
+    longest = LONGEST_STRAIGHT * size.max() if camera.distortion is None else LONGEST_BENT
+
+    def seen_at(along: Doubles) -> Doubles:
+        line = np.stack([np.interp(along, np.arange(len(corners)), corners[:, k]) for k in range(3)], axis=1)
+        return camera.project(line, resolution)
+
+    def steps_of(seen: Doubles) -> tuple[Doubles, npt.NDArray[np.bool_]]:
+        """Return the steps' lengths, NaN where one end is not seen, and whether an end is near the picture."""
+        near = np.asarray(((seen > -size) & (seen < 2 * size)).all(axis=1))
+        return np.abs(np.diff(seen, axis=0)).max(axis=1), near[:-1] | near[1:]
+
+    along = np.linspace(0, len(corners) - 1, STEPS * (len(corners) - 1) + 1)
+    seen = seen_at(along)
+    for _ in range(FINEST):
+        lengths, near = steps_of(seen)
+        cut = np.flatnonzero(near & ~(lengths <= longest))
+        if not len(cut):
+            break
+        between = (along[cut] + along[cut + 1]) / 2
+        along, seen = np.insert(along, cut + 1, between), np.insert(seen, cut + 1, seen_at(between), axis=0)
+    lengths, near = steps_of(seen)
+    seams = np.flatnonzero(near & (lengths > longest)) + 1
+    return np.insert(seen, seams, np.nan, axis=0)
 
 
 def _draw(shown: Doubles, line: Doubles, color: tuple[float, float, float], opacity: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from tests.images.sampling.test_rare_paths import room
 import primray
 from primray.cli import run
 from primray.errors import SettingsError
+from primray.explanation.drawing import _projected, overlay
 
 SIZE, PIXEL = (48, 32), (23, 21)  # in the caustic below the ball
 
@@ -102,6 +104,43 @@ def test_the_command_draws_them_over_the_picture(stage: Path, tmp_path: Path) ->
     assert orange[:y].any()  # paths go up from the floor
     assert UsdGeom.BasisCurves.Get(Usd.Stage.Open(str(files["usda"])), "/primray_light_paths/by_noise")
     assert run([*line, "--overlay", str(tmp_path / "noise.exr")]) == 2
+
+
+def test_the_way_from_the_lens_is_not_drawn(stage: Path) -> None:
+    """Off the middle of a wide lens it would sweep through the whole picture."""
+    pixel = explained(stage)
+    image = primray.render(stage, resolution=SIZE, spp=2, progress=False)
+    x, y, z = pixel.noise[0].points[0]
+    on_lens = [replace(path, points=((x + 0.2, y - 0.3, z), *path.points[1:])) for path in pixel.noise]
+    assert (overlay(image, replace(pixel, noise=tuple(on_lens))) == overlay(image, pixel)).all()
+
+
+ALL_AROUND = primray.Camera.lat_long()
+FISHEYE = replace(
+    primray.Camera.lat_long(),
+    window=(-1.6, 1.6, -0.8, 0.8),
+    distortion=primray.Distortion(primray.DistortionModel.ANGLE_TO_RADIUS, (1.0, 0.0, 0.0, 0.0, 0.0), 100.0),
+)
+
+
+@pytest.mark.parametrize("camera", [FISHEYE, ALL_AROUND], ids=["fisheye", "all around"])
+def test_lines_near_the_camera_are_smooth_to_where_they_leave_the_view(camera: primray.Camera) -> None:
+    points = ((0.01, 0.02, 5.0), (0.02, 0.03, -20.0))
+    seen = _projected(camera, points, (360, 180))
+    steps = np.abs(np.diff(seen, axis=0)).max(axis=1)
+    assert np.nanmax(steps) <= 6
+    near = seen[np.isfinite(seen).all(axis=1)]
+    middle, start = np.array((180, 90)), camera.project([(0.012, 0.022, 0.0)], (360, 180))[0]
+    assert np.linalg.norm(near - middle, axis=1).min() < 1
+    assert np.linalg.norm(near - start, axis=1).min() < 6  # at 90 degrees
+
+
+def test_lines_are_cut_at_the_seam_of_a_picture_of_all_directions() -> None:
+    seen = _projected(ALL_AROUND, ((-1.0, 0.0, 1.0), (1.0, 0.0, 1.0)), (360, 180))
+    assert np.isnan(seen).any()
+    assert np.nanmax(np.abs(np.diff(seen, axis=0))) <= 6
+    assert np.nanmin(seen[:, 0]) < 1
+    assert np.nanmax(seen[:, 0]) > 359
 
 
 def test_a_picture_of_another_size_is_refused(stage: Path, tmp_path: Path) -> None:
