@@ -198,7 +198,7 @@ def relative_error(light: Doubles, difference: Doubles) -> Estimate | None:
         return Estimate(0.0, 0.0, 0.0)
     of_pixels = terms.sum(axis=2)  # channels of a pixel share its samples
     chance = math.sqrt(2 / 3 * float((of_pixels**2).sum())) / total
-    return Estimate.around(total / terms.size, chance)
+    return Estimate.of_replicates(total / terms.size, chance)
 
 
 def relight(picture: Image | str | os.PathLike[str], weights: Mapping[str, Weight]) -> Image:

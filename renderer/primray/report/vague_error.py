@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Doubles, Floats
-from ..sampling.error import ONE_PERCENT, fewest_samples
+from ..sampling.error import ONE_PERCENT, Estimate, fewest_samples
 from ..settings import Metric, StopAt
 from .picture_checks import weighed_errors
 from .rare_paths import RarePaths, find_rare_paths
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .prepared import Prepared
 
 
-VAGUE_FACTOR = 30.0  # ratio of an interval's ends from which it is useless
+VAGUE_FACTOR = 30.0  # the square of the lower end's factor (ratio of an even interval's ends) from which it is useless
 FEW_SAMPLES = 16  # mean samples per pixel
 SEEN_AS_THEY_ARE = ("CL", "CO")
 LITTLE = 0.05  # of a render's samples
@@ -31,7 +31,7 @@ LITTLE = 0.05  # of a render's samples
 def what_rules(
     prepared: Prepared, sampling: Sampling, report: Mapping[str, Any], pixels: Floats, errors: Floats | None
 ) -> dict[str, Any] | None:
-    """Return what rules an error whose interval spans a factor of 30 or more, and what narrows it; None for other errors.
+    """Return what rules an error whose interval is useless, and what narrows it; None for other errors.
 
     `pixels` are (H, W, 4), `errors` their standard errors (H, W, 3).
     """
@@ -39,7 +39,7 @@ def what_rules(
     if found is None or errors is None:
         return None
     low, high = found["ci95"]
-    if not high >= VAGUE_FACTOR * low or not math.isfinite(high):
+    if not Estimate(found["estimate"], low, high).doubt ** 2 >= VAGUE_FACTOR or not math.isfinite(high):
         return None
     part = weighed_errors(pixels, errors)
     rulers = _rulers(prepared, part)
@@ -99,7 +99,7 @@ def why_it_continued(report: Mapping[str, Any]) -> str:
     if target is None or settings["error_metric"] != Metric.RELMSE.value or settings["stop_at"] != StopAt.PICTURE.value:
         return ""
     rows = [row for row in report["convergence"] if 0 < row["relmse"] <= target]
-    vague = [row for row in rows if row["samples"] < fewest_samples(row["ci95"][1] / row["relmse"])]
+    vague = [row for row in rows if row["samples"] < fewest_samples(_known(row).doubt)]
     if not vague or report["convergence"][-1]["samples"] < 2 * vague[0]["samples"]:
         return ""
     first, widest = vague[0], max(row["ci95"][1] / row["relmse"] for row in vague)
@@ -108,6 +108,11 @@ def why_it_continued(report: Mapping[str, Any]) -> str:
         f"{widest:.3g} times larger because of a few bright pixels, so the render continued. --clamp-indirect, --caustics off "
         "or a larger light reduce this uncertainty; --time-limit bounds the time."
     )
+
+
+def _known(row: Mapping[str, Any]) -> Estimate:
+    """Return relMSE of a row of the report's curve."""
+    return Estimate(row["relmse"], *row["ci95"])
 
 
 def _rulers(prepared: Prepared, part: Doubles) -> dict[str, Any]:

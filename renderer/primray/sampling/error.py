@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 
 Z95 = 1.959964  # standard deviations of a normal distribution that contain 95 %
+FREEDOM = 1 / 12  # by coverage on nine scenes: docs/decisions/measuring/upper-ends.md
 ALL_PIXELS = 1 << 62
 ONE_PERCENT = 1e-4  # relMSE: the square of an error of 1 %
 DISPLAY_PIXELS = 1 << 14  # a view costs 0.6 microseconds a pixel; this many give its error to a percent
@@ -61,10 +62,29 @@ class Estimate:
         factor = math.exp(min(Z95 * relative_deviation, 50.0))
         return cls(value, value / factor, value * factor)
 
+    @classmethod
+    def of_replicates(cls, value: float, relative_deviation: float) -> Estimate:
+        """Return the interval of an error that was estimated from the squares of two replicates' differences.
+
+        The same squares give the deviation: where few pixels rule, an error that is estimated too small has too small a
+        deviation as well. The upper end is therefore by Student's t, whose freedom is a share of that of the squares
+        (4 / deviation^2, of a chi-squared ratio).
+        """
+        estimate = cls.around(value, relative_deviation)
+        freedom = FREEDOM * 4 / max(relative_deviation**2, 1e-12)
+        return replace(estimate, high=value * math.exp(min(student_quantile(freedom) * relative_deviation, 50.0)))
+
+    @property
+    def deviation(self) -> float:
+        """The standard deviation of the estimate's logarithm."""
+        return math.log(self.doubt) / Z95
+
     @property
     def doubt(self) -> float:
-        """The factor by which the error may be larger; 1 if it is known exactly."""
-        return self.high / self.value if self.value > 0 else 1.0
+        """The factor by which the error may be smaller, and about as likely larger; 1 if it is known exactly."""
+        if not self.value > 0:
+            return 1.0
+        return self.value / self.low if self.low > 0 else math.inf
 
     def root(self) -> Estimate:
         return Estimate(math.sqrt(self.value), math.sqrt(self.low), math.sqrt(self.high))
@@ -161,7 +181,7 @@ def _relmse(sums: compiled.FrameErrorSums) -> Estimate:
     chance = math.sqrt(max(sums.relative_variance, 0.0)) / total
     kinds = _log_ratio(sums.relative_alike, sums.relative_alone) / 2
     spread = _log_ratio(total, sums.relative_plain)
-    return Estimate.around(total / sums.values, math.sqrt(chance**2 + kinds**2 + spread**2))
+    return Estimate.of_replicates(total / sums.values, math.sqrt(chance**2 + kinds**2 + spread**2))
 
 
 def _log_ratio(a: float, b: float) -> float:
@@ -171,7 +191,7 @@ def _log_ratio(a: float, b: float) -> float:
 def _mean_square(total: float, variance: float, values: int) -> Estimate:
     if not total > 0:
         return Estimate(0.0, 0.0, 0.0)
-    return Estimate.around(total / values, math.sqrt(max(variance, 0.0)) / total)
+    return Estimate.of_replicates(total / values, math.sqrt(max(variance, 0.0)) / total)
 
 
 @dataclass(frozen=True)

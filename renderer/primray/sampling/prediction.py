@@ -137,8 +137,7 @@ class Pilot:
 
     def _width(self, row: ErrorRow) -> float:
         """Return the uncertainty of the squared error's logarithm."""
-        known = row.error.of(self.metric)
-        width = math.log(max(known.high, 1e-300) / max(known.low, 1e-300)) / (2 * Z95)
+        width = row.error.of(self.metric).deviation
         return width if self.metric is Metric.RELMSE else 2 * width
 
     def _rays(self, samples: float) -> float:
@@ -266,7 +265,7 @@ class Forecaster:
         if doublings == 0 or not measured.value > 0:
             return measured
         half = 1.0 if self._is_squared() else 0.5
-        spread = math.hypot(_width(measured), half * self._per_doubling() * doublings)
+        spread = math.hypot(measured.deviation, half * self._per_doubling() * doublings)
         return Estimate.around(measured.value * 2 ** (-half * self._rate() * doublings), spread)
 
     def _is_squared(self) -> bool:
@@ -332,7 +331,7 @@ class Forecaster:
         end = row.samples * max(measured.value / target, 1.0) ** (power / self._rate())
         end = max(end, self.sampling.expected_end() or 0)  # the error is not measured before
         further = max(math.log2(min(end, MAX_SPP) / row.samples), 0.0)
-        width = _width(measured) * (1.0 if self._is_squared() else 2.0) / self._rate()
+        width = measured.deviation * (1.0 if self._is_squared() else 2.0) / self._rate()
         return min(float(end), float(MAX_SPP)), math.hypot(width, BETWEEN_BLOCKS, self._per_doubling() * further)
 
 
@@ -340,8 +339,3 @@ def _at(by_target: tuple[float, float], end: int, samples: float, each: float) -
     """Return seconds left if the target takes the expected samples (0), or the fewest (-1) or most (1) of the interval."""
     needed, spread = by_target
     return max(needed * math.exp(min(end * Z95 * math.hypot(spread, OF_SPEED), 50.0)) - samples, 0.0) * each
-
-
-def _width(estimate: Estimate) -> float:
-    """Return the standard deviation of an estimate's logarithm."""
-    return math.log(max(estimate.high, 1e-300) / max(estimate.low, 1e-300)) / (2 * Z95)

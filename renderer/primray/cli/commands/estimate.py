@@ -59,9 +59,10 @@ def _lines(cost: CostEstimate) -> Iterator[str]:
     if not cost.predictions:
         yield "the picture has no measurable error"
         return
-    if known.doubt >= VAGUE:
+    if known.high >= VAGUE * known.value > 0:
+        larger = known.high / known.value
         yield (
-            f"the error may be {known.doubt:.3g} times larger, because of a few bright pixels: a render continues until it is "
+            f"the error may be {larger:.3g} times larger, because of a few bright pixels: a render continues until it is "
             "known better, which a pilot cannot predict; a longer pilot (--pilot) narrows the intervals"
         )
     yield f"{metric:>10}  {'samples':>8}  {'(95 %)':>17}  {'seconds':>8}  {'(95 %)':>17}"
