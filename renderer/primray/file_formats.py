@@ -1,4 +1,5 @@
-"""Files that USD cannot read: scenes in other formats, with the command that converts each to USD, and Git LFS pointers.
+"""Files that USD cannot read: scenes in other formats, with the command that converts each to USD, Git LFS pointers, and files
+that this user may not read.
 
 The command line, the library and the service give the same advice. Both commands were tried (docs/converting.md). Files are
 named without their folders, since a user who uploads to a service knows only the file name.
@@ -6,6 +7,7 @@ named without their folders, since a user who uploads to a service knows only th
 
 from __future__ import annotations
 
+import os
 import shlex
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -107,3 +109,21 @@ def is_pointer_file(path: str) -> bool:
             return is_pointer(file.read(len(_FIRST_LINE)))
     except (OSError, ValueError):
         return False
+
+
+LOCKED = "this user may not read it (permission denied)"
+BEHIND_LOCK = "this user may not enter a folder above it (permission denied)"
+
+
+def why_locked(path: str) -> str | None:
+    """Return what keeps this user from a file or folder; None if permissions do not, also where nothing is there.
+
+    Python and USD say of a file below a folder that the user may not enter that it does not exist.
+    """
+    try:
+        os.stat(path)
+    except PermissionError:
+        return BEHIND_LOCK
+    except (OSError, ValueError):
+        return None
+    return None if os.access(path, os.R_OK) else LOCKED

@@ -104,10 +104,15 @@ def _check_are_text(arguments: list[str]) -> None:
 
 
 def _known(error: OSError) -> PrimrayError | None:
-    """Return the error of a file name that is longer than file systems allow, or of a full disk; None for other errors."""
+    """Return the error of a file name that is longer than file systems allow, of a full disk, or of missing permission; None
+    for other errors."""
     from ..images.output_path import not_written, too_long
 
     where = str(error.filename or "")
+    if isinstance(error, PermissionError) and where:
+        return PrimrayError(f"this user may not use it: {error.strerror}", where=where, code="permission-denied")
+    if isinstance(error, FileNotFoundError) and "temporary directory" in str(error):
+        return PrimrayError("there is no folder for temporary files to write to: set TMPDIR", code="temporary-folder")
     return too_long(error, where) or not_written(error, where)
 
 

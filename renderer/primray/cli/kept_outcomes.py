@@ -21,7 +21,7 @@ from typing import Any
 from ..content_hash import hash_of_file
 from ..errors import PrimrayError
 from ..images.image import replacing, write_text
-from ..images.output_path import make_folder
+from ..images.output_path import check_folder, make_folder
 from .sheet_renders import Limits, Outcome, Render, render_stage, run_limited
 
 _LIST_FILES = """
@@ -48,6 +48,7 @@ class KeptOutcomes:
         self._lock = threading.Lock()
         self._digests: dict[str, str] = {}  # of one sheet; textures are shared by many stages
         make_folder(folder / "outcome.json")
+        check_folder(folder / "outcome.json")
 
     def render(self, folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome:
         """Return the kept outcome of a stage, or render it and keep that."""

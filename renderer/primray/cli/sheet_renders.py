@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -22,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from ..diagnostic_codes import Severity
-from ..errors import SettingsError
+from ..errors import SettingsError, StageOpenError
+from ..file_formats import why_locked
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 _RENDERED = (0, 5)  # exit codes of renders that wrote a picture; 5: its error is above the target
@@ -65,8 +67,36 @@ class Outcome:
         return bool({"crash", "time", "refused", "not-finite"} & set(self.marks))
 
 
-def stage_files(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+def stage_files(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Return the stages below a folder, and the folders that cannot be read. What is hidden is not looked at, and links to
+    folders are not followed."""
+    stages: list[Path] = []
+    closed: list[Path] = []
+    for here, folders, names in os.walk(folder, onerror=lambda error: closed.append(Path(error.filename))):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        for name in names:
+            path = Path(here, name)
+            if path.suffix.lower() in SUFFIXES and not name.startswith(".") and _may_be_stage(path):
+                stages.append(path)
+    return sorted(stages), sorted(closed)
+
+
+def _may_be_stage(path: Path) -> bool:
+    """Return whether a name is that of a file, or of one whose row says why it cannot be read: a link that leads nowhere, a
+    file in a folder that may not be entered."""
+    try:
+        return stat.S_ISREG(path.stat().st_mode)
+    except OSError:
+        return True
+
+
+def closed_folder(folder: Path, closed: Path) -> Outcome:
+    """Return the row of a folder whose stages are unknown, as it cannot be read."""
+    error = StageOpenError(
+        f"its stages are not on this sheet: {why_locked(str(closed)) or 'it cannot be read'}", where=str(closed)
+    )
+    name = f"{closed.relative_to(folder).as_posix()}/"
+    return Outcome(name, error.exit_code, 0.0, 0, None, f"error: {error}", ("refused",))
 
 
 Render = Callable[[Path, Path, Limits, Path], Outcome]  # folder, stage, limits, an empty folder
@@ -207,18 +237,18 @@ def marks(exit_code: int | str, exr: Path, report: Mapping[str, Any]) -> Iterato
 
 
 def _picture_marks(exr: Path) -> Iterator[str]:
-    """Yield the anomalies of a picture."""
+    """Yield the anomalies of a picture: of its first four channels R, G, B, A, since one sample has no standard errors."""
     import numpy as np
     import OpenImageIO as oiio
 
-    pixels = np.asarray(oiio.ImageBuf(str(exr)).get_pixels(oiio.FLOAT))
+    pixels = np.asarray(oiio.ImageBuf(str(exr)).get_pixels(oiio.FLOAT))[..., :4]
     if not np.isfinite(pixels).all():
         yield "not-finite"
     if pixels[..., 3].max() <= 0:
         yield "nothing-seen"
     elif pixels[..., :3].max() <= 0:
         yield "black"
-    elif np.ptp(pixels.reshape(-1, pixels.shape[2]), axis=0).max() <= 1e-6:
+    elif np.ptp(pixels.reshape(-1, 4), axis=0).max() <= 1e-6:
         yield "one-colour"
 
 

@@ -6,7 +6,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -454,7 +454,8 @@ def replacing(path: Path) -> Iterator[str]:
     except OSError as error:
         raise PrimrayError(f"the file cannot be written: {error.strerror}", where=str(path), code="write-failed") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # of a folder that may not be entered, whose error is raised already
+            temporary.unlink(missing_ok=True)
 
 
 def write_png(encoded: np.ndarray[Any, Any], path: Path, *, is_quick: bool = False) -> Path:

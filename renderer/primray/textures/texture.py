@@ -23,7 +23,7 @@ from ..color import ocio as color
 from ..color.color_space import REC709, SRGB, ColorSpace, linear, matrix, transformed
 from ..description import TextureFile, Wrap
 from ..errors import AssetError, LimitError, SettingsError
-from ..file_formats import WHAT_IT_IS, is_pointer_file
+from ..file_formats import WHAT_IT_IS, is_pointer_file, why_locked
 from ..read_files import note_read
 from .image_errors import fault_of_pixels, last_error
 from .image_layout import Layout, Windows, choose_layer, environment_of, is_srgb, windows_of, wraps_of
@@ -127,9 +127,10 @@ def _load_or_explain(path: str, shown: str, file: TextureFile, wanted: frozenset
         return _load(path, shown, file, wanted, default_wrap)
     except AssetError as error:
         error.message = error.message.replace(path, shown)
-        if not is_pointer_file(path):
+        fault = WHAT_IT_IS if is_pointer_file(path) else why_locked(path)
+        if fault is None:
             raise
-        raise AssetError(f"the texture cannot be read: {WHAT_IT_IS}", where=shown, code="texture-unreadable") from error
+        raise AssetError(f"the texture cannot be read: {fault}", where=shown, code="texture-unreadable") from error
 
 
 def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str], default_wrap: Wrap) -> Texture:

@@ -180,15 +180,17 @@ def _sheet_of_folder(
     from ...images.image import write_text
     from ..kept_outcomes import KeptOutcomes
     from ..sheet_pictures import page
-    from ..sheet_renders import render_all, render_stage, stage_files
+    from ..sheet_renders import closed_folder, render_all, render_stage, stage_files
 
-    stages = stage_files(root)
+    stages, closed = stage_files(root)
+    if root in closed:
+        raise SettingsError("the folder cannot be read: permission denied", where=str(root), code="sheet")
     if roots_only:
         from ...usd import used_files
 
         used = used_files([str(path) for path in stages])
         stages = [path for path in stages if str(path.resolve()) not in used]
-    if not stages:
+    if not stages and not closed:
         raise SettingsError("the folder has no stages (usd, usda, usdc, usdz)", where=str(root), code="no-stages")
     _check_output(output, PAGES)
     with ExitStack() as open_until_end:
@@ -198,13 +200,20 @@ def _sheet_of_folder(
             render, slots = _on_ray(*remote, open_until_end)
             at_once = max(at_once, slots)
         kept = None if keep is None else KeptOutcomes(Path(keep), render)
-        outcomes = render_all(root, stages, limits, at_once, scratch, _print_outcome, render if kept is None else kept.render)
-        write_text(Path(output), page(f"{root.resolve().name}: {len(outcomes)} stages", outcomes))
+        one = render if kept is None else kept.render
+        outcomes = render_all(root, stages, limits, at_once, scratch, _print_outcome, one)
+        failed = sum(outcome.failed for outcome in outcomes)
+        odd = sum(bool(outcome.marks) for outcome in outcomes) - failed
+        unread = [closed_folder(root, each) for each in closed]
+        for outcome in unread:
+            _print_outcome(outcome)
+        outcomes = [*unread, *outcomes]
+        write_text(Path(output), page(f"{root.resolve().name}: {len(stages)} stages", outcomes))
     _write_json(output, outcomes)
-    failed = sum(outcome.failed for outcome in outcomes)
-    odd = sum(bool(outcome.marks) for outcome in outcomes) - failed
     same = "" if kept is None else f", {kept.found} unchanged"
-    print(f"{output}: {len(outcomes)} stages, {failed} failed, {odd} odd{same}")
+    folders = "1 folder" if len(unread) == 1 else f"{len(unread)} folders"
+    missed = f", {folders} cannot be read" if unread else ""
+    print(f"{output}: {len(stages)} stages, {failed} failed, {odd} odd{same}{missed}")
     if kept is not None and kept.problem is not None:
         print(f"warning: some outcomes are not kept: {kept.problem}", file=sys.stderr)
     return outcomes
@@ -257,6 +266,8 @@ def _check_output(output: str, suffixes: tuple[str, ...]) -> None:
         sentence = f"this sheet's name must end in {', '.join(suffixes[:-1])} or {suffixes[-1]}"
         raise SettingsError(sentence, where=output, code="unknown-extension")
     check_folder(Path(output))
+    if Path(output).suffix.lower() in PAGES:
+        check_folder(Path(output).with_suffix(".json"))
 
 
 def _write_json(output: str, outcomes: list[Outcome]) -> None:

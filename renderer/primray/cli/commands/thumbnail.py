@@ -5,6 +5,7 @@ It is written beside the asset, named by the asset itself (UsdMedia's AssetPrevi
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...errors import PrimrayError, SceneError, SettingsError, StageOpenError
+from ...file_formats import why_locked
 from .. import option_values
 from ..flags import in_order
 
@@ -114,10 +116,10 @@ def _made(
     from ...images.output_path import check_folder, make_folder
     from ..thumbnail_renders import FOLDER, Request, author, cache_text, place, render_thumbnails
 
-    if not asset.is_file():
-        is_folder = asset.is_dir()
+    if not os.path.isfile(asset):
+        is_folder = os.path.isdir(asset)
         problem = "it is a folder: `primray sheet FOLDER` shows all of a folder" if is_folder else "there is no such file"
-        raise StageOpenError(problem, where=str(asset))
+        raise StageOpenError(why_locked(str(asset)) or problem, where=str(asset))
     is_packed = is_authored and asset.suffix.lower() == ".usdz"
     targets = _targets(asset, output, sizes, is_authored, is_cached)
     if is_authored:

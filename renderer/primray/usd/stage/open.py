@@ -18,7 +18,7 @@ from ...composition import Composition
 from ...diagnostics import Diagnostics
 from ...errors import AssetError, InvalidSceneError, LimitError, PrimrayError, SettingsError, StageOpenError
 from ...file_formats import CODE as OTHER_FORMAT
-from ...file_formats import WHAT_IT_IS, advice_for_file, is_pointer_file, refers_to_other_format
+from ...file_formats import WHAT_IT_IS, advice_for_file, is_pointer_file, refers_to_other_format, why_locked
 from ...read_files import check_kept, is_watching, note_read
 from ..inspect.light_path_layer import LIGHT_PATHS
 from ..materials.materialx.references import Redirection, is_format_message, rebuild_layers, refers_to_documents
@@ -45,6 +45,8 @@ def _with_faults(text: str) -> str:
     for path in dict.fromkeys(_ASSET.findall(text)):
         if is_pointer_file(path):
             found.append(f" {path}: {WHAT_IT_IS}.")
+        elif (locked := why_locked(path)) is not None:
+            found.append(f" {path}: {locked}.")
         elif refers_to_other_format(path) and os.path.isfile(path):
             found.append(f" {path}: {advice_for_file(path)}")
     return text + "".join(found)
@@ -225,6 +227,7 @@ def _layers_of_session(stage: Usd.Stage) -> list[Sdf.Layer]:
 
 def root_layer(path: str) -> Sdf.Layer:
     if not os.path.exists(path) and "[" not in path and "://" not in path:
+        _check_lock(path)
         raise StageOpenError("There is no such file.", where=path)
     if os.path.isdir(path):
         raise StageOpenError("It is a folder: name a stage in it; `primray sheet FOLDER` shows all of a folder.", where=path)
@@ -247,12 +250,20 @@ def open_layer(path: str, opened: Callable[[str], Sdf.Layer | None] = Sdf.Layer.
 
 
 def _check_file(path: str) -> None:
-    """Raise StageOpenError where the file is recognized as something other than USD."""
+    """Raise StageOpenError where the file is recognized as something other than USD, or is locked."""
+    _check_lock(path)
     if is_pointer_file(path):
         raise StageOpenError(f"USD cannot open it: {WHAT_IT_IS}.", where=path) from None
     advice = advice_for_file(path) if os.path.isfile(path) else None
     if advice is not None:
         raise StageOpenError(advice, where=path, code=OTHER_FORMAT) from None
+
+
+def _check_lock(path: str) -> None:
+    """Raise StageOpenError where permissions keep this user from the file, or from the package that it is in."""
+    locked = why_locked(str(Ar.SplitPackageRelativePathOuter(path)[0]))
+    if locked is not None:
+        raise StageOpenError(f"USD cannot open it: {locked}.", where=path) from None
 
 
 def _site(error: Any) -> str:
@@ -308,6 +319,8 @@ def _file_of_layer(layer: Sdf.Layer) -> str:
 
 
 def _reload(layer: Sdf.Layer, name: str) -> None:
+    if (locked := why_locked(_file_of_layer(layer))) is not None:
+        raise StageOpenError(f"USD cannot read it: {locked}.", where=name)
     if not os.path.exists(_file_of_layer(layer)):
         raise StageOpenError("There is no such file.", where=name)
     try:
