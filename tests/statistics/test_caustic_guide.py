@@ -30,7 +30,7 @@ from tests.statistics.chi_square import SphereCells, density_p_value
 from tests.statistics.surfaces.surface_cases import random_numbers
 
 from primray import core
-from primray.description import Doubles, Light, LightType, Shape, Sphere, Surface
+from primray.description import Doubles, Light, LightType, OpenPbr, Shape, Sphere, Surface
 from primray.settings import QUICK_LOOK, RenderSettings
 
 from .photon_guides import assert_mean_is_kept_with_less_noise
@@ -154,6 +154,29 @@ def test_a_lamp_in_a_globe_is_found() -> None:
     means, noise = guided.mean(axis=0), guided.std(axis=0)
     assert np.median(noise / means) < 0.1
     assert np.median(plain.mean(axis=0)) < 0.1 * np.median(means)  # which hardly any ray finds
+
+
+@pytest.mark.parametrize("roughness", [0.5, 0.7])
+def test_a_lamp_in_a_globe_of_frosted_glass_is_found(roughness: float) -> None:
+    """Light samples stop at its two walls, and photons pass them. Noise was 0.44 and 0.51 of that without."""
+    frosted = OpenPbr(transmission_weight=1.0, specular_roughness=roughness, specular_ior=1.5)
+    hollow = OpenPbr(transmission_weight=1.0, specular_roughness=roughness, specular_ior=1.0)
+    shapes: list[tuple[Shape, Doubles]] = [
+        (ground(6.0), np.eye(4)),
+        (Sphere("/outer", 0.2, 1), translation(0, 1, 0)),
+        (Sphere("/inner", 0.19, 2), translation(0, 1, 0)),
+    ]
+    surfaces = [
+        lambert(0.5),
+        Surface("/frosted", open_pbr=frosted),
+        Surface("/hollow", open_pbr=hollow, dielectric_priority=1.0),
+    ]
+    lamp = light(LightType.SPHERE, translation(0, 1, 0), 100.0, radius=0.03)
+    camera = perspective(look_at([0, 4.0, 4.0], [0, 0, 0]), 0.35)
+    scene = describe(shapes, surfaces, [lamp], camera, (16, 16)).build()
+    guide = core.module().learn_caustics(scene, DEPTH, 1, core.lanes())
+    assert guide is not None
+    assert_mean_is_kept_with_less_noise(scene, guide, 256, DEPTH)
 
 
 def test_a_lamp_that_is_a_mesh_is_found() -> None:

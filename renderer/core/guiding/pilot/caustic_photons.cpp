@@ -32,7 +32,7 @@ constexpr size_t kMostTargets = 4096;
 
 bool casts(const float* row) {
   if (!(int_at(row, kFlags) & kPreview) || row[kPresence] <= 0) return false;
-  const bool clear = !(int_at(row, kFlags) & kOpenPbr) || row[kAlpha] < kCasterAlpha;  // UsdPreviewSurface does not blur
+  const bool clear = !(int_at(row, kFlags) & kOpenPbr) || row[kAlpha] < kPassedAlpha;  // UsdPreviewSurface does not blur
                                                                                        // transmission
   const bool passes = row[kTransmission] > 0 && !(int_at(row, kFlags) & kThin) && clear;
   const bool reflects = row[kAlpha] < kCasterAlpha && std::max({row[kF0], row[kF0 + 1], row[kF0 + 2]}) > 0.01f;
@@ -396,15 +396,18 @@ class Photons {
     return boundary;
   }
 
-  // Returns the lanes whose sample continues a caustic: by a lobe that is smooth enough. `lobe`: the number that chose it.
-  static B stays_narrow(const BsdfWithOpenPbr<W>& bsdf, const BsdfSample<W>& s, F lobe) {
+  // Returns the lanes whose sample continues a caustic: by a lobe that is smooth enough. `lobe`: the number that chose it;
+  // `front`: hit from outside, so that a reflection does not stay in a body.
+  static B stays_narrow(const BsdfWithOpenPbr<W>& bsdf, const BsdfSample<W>& s, B front, F lobe) {
+    const B passes = bsdf.lets_through() & (s.transmits | !front);
+    const B smooth_base = bsdf.alpha < select(passes, F(kPassedAlpha), F(kCasterAlpha));
     const F among = lobe / max(bsdf.presence, 1e-20f);
     B smooth = among >= bsdf.p_diffuse;
     if (bsdf.any_coat) {
       const B coat = among >= bsdf.p_diffuse + bsdf.p_specular;
-      smooth &= (coat & (bsdf.coat_alpha < F(kCasterAlpha))) | ((!coat) & (bsdf.alpha < F(kCasterAlpha)));
+      smooth &= (coat & (bsdf.coat_alpha < F(kCasterAlpha))) | ((!coat) & smooth_base);
     } else {
-      smooth &= bsdf.alpha < F(kCasterAlpha);
+      smooth &= smooth_base;
     }
     return bsdf.preview & (s.is_delta | smooth) & (max_component(s.weight) > F(0.0f));
   }
@@ -455,7 +458,7 @@ class Photons {
       const B straight = s.straight | boundary.overridden, transmits = s.transmits | boundary.overridden;
       const V d = select(straight, rays.d, frame.to_world(s.wi));
       const F out = dot(ng, d);
-      alive &= passes | boundary.overridden | (stays_narrow(bsdf, s, lobe) & (s.transmits | (out > F(0.0f))));
+      alive &= passes | boundary.overridden | (stays_narrow(bsdf, s, front, lobe) & (s.transmits | (out > F(0.0f))));
       const B moves = alive & meets, bends = moves & !straight;
       source = select(bends, it.p, source);
       way += select(transmits & meets, I(1), I(0));
