@@ -28,13 +28,15 @@ SIDES = BLOCK * BLOCK  # of the prism that stands for a cylinder: off by at most
 HALF = 2.5e-4  # half the width of a facet, in metres
 COARSEST = 2e-6  # half that width over the extent of the meters that are measured together, at least: lengths are floats there
 FARTHEST_TOGETHER = 1000.0  # metres between meters that are measured together: facets are at most 4 mm wide
+# The same of cylinders, whose facets are slim and close together: where rounding moves rays off the axis by more than a
+# thousandth of a facet's width, these see each other. Their facets are at most 1 mm wide.
+COARSEST_CYLINDER, FARTHEST_CYLINDERS = 5e-5, 10.0
 SLIM = 1 / 8  # height over width of a cylinder's facets
 PIXEL = 0.002  # of the camera, in radians: what is seen of textures and of how finely shapes are diced
 APART = 100.0  # widths of a facet between meters that are measured together
 PATH = "primray:meters"
-FACETS = SIDES // 2  # of a cylinder, each for two sides
 # Places of a cylinder's facets in their stack, scattered, so that what is seen higher up is not seen on one side only.
-_ORDER = [int(f"{k:05b}"[::-1], 2) for k in range(FACETS)]
+_ORDER = [int(f"{k:06b}"[::-1], 2) for k in range(SIDES)]
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,20 @@ class Facets:
     normals: Doubles
 
     @property
-    def middles(self) -> Doubles:
-        return np.asarray(self.corners.mean(axis=2))
+    def aims(self) -> Doubles:
+        """Points (N, SIDES, 3) that rays are aimed at: above the facets' middles, which are on the edge of both triangles."""
+        return np.asarray(np.tensordot(self.corners, [0.125, 0.125, 0.375, 0.375], axes=([2], [0])))
+
+    @property
+    def away(self) -> Doubles:
+        """Unit directions (N, SIDES, 3) from the facets to where rays start.
+
+        They are between a side's normal and the next one's: a ray along a normal of a cylinder would lie in the plane of the
+        facet that is at right angles to it, higher or lower in the stack, and Embree finds hits far outside of such triangles.
+        """
+        aside = self.corners[:, :, 1] - self.corners[:, :, 0]
+        aside /= np.linalg.norm(aside, axis=-1, keepdims=True)
+        return np.asarray(math.cos(math.pi / SIDES) * self.normals + math.sin(math.pi / SIDES) * aside)
 
     @property
     def lift(self) -> float:
@@ -55,10 +69,10 @@ class Facets:
         return 0.5 * float(np.linalg.norm(self.corners[0, 0, 1] - self.corners[0, 0, 0]))
 
 
-def half_width(positions: Doubles, meters_per_unit: float) -> float:
+def half_width(positions: Doubles, meters_per_unit: float, *, is_cylindrical: bool = False) -> float:
     """Return half of a facet's width in scene units."""
     extent = float(np.ptp(positions, axis=0).max(initial=0.0))
-    return max(HALF / meters_per_unit, COARSEST * extent)
+    return max(HALF / meters_per_unit, (COARSEST_CYLINDER if is_cylindrical else COARSEST) * extent)
 
 
 def clusters(positions: Doubles, extent: float) -> list[list[int]]:
@@ -102,13 +116,14 @@ def facets_of(meters: Meters, half: float) -> Facets:
     for k, meter in enumerate(meters.meters):
         middle = positions[k] - origin
         if meter.kind is MeterKind.CYLINDRICAL:
-            # Opposite sides of the prism are both faces of one facet.
+            # Each side has a facet of its own, which is seen from the front: close to the back of a facet that is far from the
+            # origin, rounding hides which side a ray came from, and such hits are black.
             angles = 2 * np.pi * np.arange(SIDES) / SIDES
             out = np.cos(angles)[:, None] * u[k] + np.sin(angles)[:, None] * v[k]
-            aside = np.cross(directions[k], out[:FACETS])
+            aside = np.cross(directions[k], out)
             heights = half + 2 * half * SLIM * (np.array(_ORDER) + 0.5)
             middles = middle + heights[:, None] * directions[k]
-            corners[k] = np.tile(_squares(middles, aside, SLIM * directions[k], half), (2, 1, 1))
+            corners[k] = _squares(middles, aside, SLIM * directions[k], half)
             normals[k] = out
         else:
             # Above the plane that the meter may lie on, by its own width.
@@ -136,7 +151,7 @@ def with_facets(description: SceneDescription, facets: Facets) -> SceneDescripti
     """Return the scene with the facets as one mesh of a white Lambertian surface."""
     planes = np.arange(facets.corners.shape[0])
     alike = (facets.corners == facets.corners[:, :1]).all(axis=(1, 2, 3))  # all facets of a plane are one
-    squares = np.concatenate([facets.corners[k, : 1 if alike[k] else FACETS] for k in planes])
+    squares = np.concatenate([facets.corners[k, : 1 if alike[k] else SIDES] for k in planes])
     first = 4 * np.arange(len(squares))[:, None, None]
     triangles = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3).astype(np.int32)
     mesh = Mesh(PATH, squares.reshape(-1, 3).astype(np.float32), triangles, None, None, len(description.surfaces))
@@ -161,7 +176,7 @@ def camera_of(facets: Facets) -> tuple[Camera, tuple[int, int]]:
     count = len(facets.corners)
     columns, rows = blocks_across(count)
     which = np.minimum(np.arange(columns * rows), count - 1)
-    places = (facets.middles + facets.lift * facets.normals)[which]
+    places = (facets.aims + facets.lift * facets.away)[which]
     table = DirectionTable(
         (
             -0.5 * PIXEL * BLOCK * columns,
@@ -169,7 +184,7 @@ def camera_of(facets: Facets) -> tuple[Camera, tuple[int, int]]:
             -0.5 * PIXEL * BLOCK * rows,
             0.5 * PIXEL * BLOCK * rows,
         ),
-        _as_picture(-facets.normals[which], columns, rows),
+        _as_picture(-facets.away[which], columns, rows),
         _as_picture(places, columns, rows),
     )
     place = np.eye(4)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from .. import usd
-from ..arrays import Doubles
 from ..description import SceneDescription
 from ..diagnostics import Diagnostics
 from ..errors import SettingsError
@@ -23,6 +22,7 @@ from ..sampling.sampling import Sampling
 from ..settings import RenderSettings, with_values
 from .facets import (
     APART,
+    FARTHEST_CYLINDERS,
     FARTHEST_TOGETHER,
     SIDES,
     Facets,
@@ -155,7 +155,7 @@ def measure(
     positions = meters_of_all.positions()
     precision = Precision(target, of_mean, simultaneous, len(positions))
     measured, passes = Measured.none(len(positions)), list[Sampling]()
-    groups = _groups(positions, authored.meters_per_unit)
+    groups = _groups(meters_of_all, authored.meters_per_unit)
     told = [diagnostics]  # all groups are told the same
 
     def sample(group: list[int], half: float, brightest: float | None, shown: Callable[[float, int, int], bool]) -> None:
@@ -192,12 +192,15 @@ def measure(
     )
 
 
-def _groups(positions: Doubles, meters_per_unit: float) -> list[tuple[list[int], float]]:
+def _groups(meters: Meters, meters_per_unit: float) -> list[tuple[list[int], float]]:
     """Return the numbers of meters that are measured together, and half the width of their facets in scene units."""
-    found = []
-    for near in clusters(positions, FARTHEST_TOGETHER / meters_per_unit):
-        half = half_width(positions[near], meters_per_unit)
-        found += [([near[k] for k in group], half) for group in groups_apart(positions[near], 2 * APART * half)]
+    positions, found = meters.positions(), []
+    for is_cylindrical, farthest in ((False, FARTHEST_TOGETHER), (True, FARTHEST_CYLINDERS)):
+        alike = [k for k, one in enumerate(meters.meters) if (one.kind is MeterKind.CYLINDRICAL) is is_cylindrical]
+        for among in clusters(positions[alike], farthest / meters_per_unit) if alike else ():
+            near = [alike[k] for k in among]
+            half = half_width(positions[near], meters_per_unit, is_cylindrical=is_cylindrical)
+            found += [([near[k] for k in group], half) for group in groups_apart(positions[near], 2 * APART * half)]
     return found
 
 

@@ -14,6 +14,7 @@ from primray import Camera, LightMeter, MeterGrid, PrimrayError, RenderSettings,
 from primray.cli import run
 from primray.errors import LimitError, RenderCancelled
 from primray.light_meter.luminance import luminance_pictures
+from primray.light_meter.meters import MeterKind
 from primray.light_meter.pictures import KEPT
 from primray.settings import rows
 
@@ -300,3 +301,16 @@ def test_the_command_tells_diagnostics_of_ratings_without_a_line_of_python(tmp_p
     said = capsys.readouterr()
     assert said.err.startswith("warning: no-light")
     assert "RenderWarning" not in said.err
+
+
+@pytest.mark.parametrize(("extent", "unit"), [(2.0, 1.0), (2.0, 0.01), (9.0, 1.0), (600.0, 1.0)])
+@pytest.mark.parametrize("axes", [(1, 1, 1), (0, 1, 0), (1, 0, 1)])
+def test_cylinders_at_any_places_read_a_uniform_sky(extent: float, unit: float, axes: tuple[int, int, int]) -> None:
+    """No side is black: not by facets of others, nor by hits of rays that lie in a facet's plane."""
+    stage = new_stage()
+    UsdGeom.SetStageMetersPerUnit(stage, unit)
+    light(stage, UsdLux.DomeLight, (0, 0, 0), intensity=100.0)
+    places = np.random.default_rng(3).uniform(0, extent / unit, (12, 3)) * axes
+    meters = [LightMeter(f"{k}", tuple(place), kind=MeterKind.CYLINDRICAL) for k, place in enumerate(places.tolist())]
+    values = [row.value for row in measure(stage, meters, target=0.1, spp=8).readings]
+    assert values == pytest.approx([100 * math.pi] * 12, rel=0.005)
