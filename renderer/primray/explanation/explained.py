@@ -17,6 +17,8 @@ import numpy as np
 
 from ..arrays import Doubles
 from ..camera import Camera
+from ..diagnostic_messages import Announcer
+from ..diagnostics import Diagnostics
 from ..errors import SettingsError
 from ..incremental.scene import KeptStage
 from ..render.render import with_setting_names
@@ -128,7 +130,6 @@ class ExplainedPixel:
         """Write the paths of `noise` as a USD layer: linear BasisCurves of purpose guide, with shares as opacity and numbers as
         customData. `stage`: the Usd.Stage whose up axis and unit it has; None: the stage is opened again."""
         from .. import usd
-        from ..diagnostics import Diagnostics
         from .drawing import save_layer
 
         opened = usd.open_stage(self.scene, Diagnostics()) if stage is None else stage
@@ -178,7 +179,10 @@ def explain(
     frame has no such pixel.
     """
     asked = with_values(settings, values)
-    return Explainer(KeptStage(stage, asked, writes_session=edits)).explain(x, y, asked, renders=renders, edits=edits)
+    explainer = Explainer(KeptStage(stage, asked, writes_session=edits))
+    found = explainer.explain(x, y, asked, renders=renders, edits=edits)
+    Announcer(stage).tell(explainer.diagnostics)
+    return found
 
 
 class Explainer:
@@ -187,6 +191,7 @@ class Explainer:
     def __init__(self, kept: KeptStage, steps: CachedSteps | None = None) -> None:
         self._kept = kept
         self._steps = steps
+        self.diagnostics = Diagnostics()  # of the first pixel that was prepared
 
     @property
     def stage(self) -> Any:
@@ -232,11 +237,12 @@ class Explainer:
 
     def prepared(self, settings: RenderSettings, region: tuple[float, float, float, float], aovs: Sequence[str]) -> Prepared:
         """Return a region of the frame, ready to be sampled; edits of the stage since the last one are taken."""
-        from ..diagnostics import Diagnostics
         from ..report.report import Costs
 
-        asked, costs = replace(settings, **PLAIN, region=region, aovs=tuple(aovs)), Costs()
-        prepared = self._kept.prepare(asked, costs, Diagnostics(), steps=self._steps)
+        asked, costs, told = replace(settings, **PLAIN, region=region, aovs=tuple(aovs)), Costs(), Diagnostics()
+        prepared = self._kept.prepare(asked, costs, told, steps=self._steps)
+        if not self.diagnostics:
+            self.diagnostics = told
         return replace(prepared, settings=replace(prepared.settings, **PLAIN))
 
 

@@ -48,6 +48,7 @@ def explain(
     **given: Any,
 ) -> None:
     """Say what one pixel's light is made of: by light, by kind of path, by bounce, by the prim that sends it, with errors."""
+    from ...diagnostic_messages import print_diagnostics
     from ...explanation.explained import Explainer
     from ...images.image import write_text
     from ...images.output_path import check_folder
@@ -63,6 +64,7 @@ def explain(
     settings = RenderSettings(**setting_values(given), time_code=time_code)
     explainer = Explainer(KeptStage(scene, settings, writes_session=edits))
     found = explainer.explain(*pixel, settings, renders=renders, edits=edits)
+    print_diagnostics([one.as_json() for one in explainer.diagnostics], verbose=verbose)
     if report is not None:
         write_text(Path(report), dumps(found.as_json(), indent=2) + "\n")
     if layer is not None:
