@@ -56,7 +56,7 @@ def _leave(code: int) -> NoReturn:
 def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
     """Run one command line after `start`; return its exit code."""
     verbose, as_json = False, "--json" in arguments
-    shown, warnings.showwarning = warnings.showwarning, partial(_show_warning, warnings.showwarning)
+    shown, warnings.showwarning = warnings.showwarning, partial(_show_warning, set(), warnings.showwarning)
     try:
         start()
         arguments = translate_foreign_flags(arguments)
@@ -85,13 +85,18 @@ def run(arguments: list[str], start: Callable[[], None] = lambda: None) -> int:
     return 0
 
 
-def _show_warning(others: Callable[..., None], message: Warning | str, category: type[Warning], *place: Any) -> None:
-    """Print diagnostics of a render that announces them as a program's user reads them, without a line of Python."""
+def _show_warning(
+    told: set[str], others: Callable[..., None], message: Warning | str, category: type[Warning], *place: Any
+) -> None:
+    """Print diagnostics of a render that announces them as a program's user reads them, once, without a line of Python."""
     from ..diagnostic_messages import RenderWarning, without_place
 
     if not issubclass(category, RenderWarning):
         return others(message, category, *place)
-    print(without_place(str(message)), file=sys.stderr)
+    text = without_place(str(message))
+    if text not in told:
+        told.add(text)
+        print(text, file=sys.stderr)
 
 
 def _check_are_text(arguments: list[str]) -> None:

@@ -280,3 +280,9 @@ def previewed(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the samples per pixel and the denoising of a preview, unless flags say otherwise."""
     asked = any(name in values for name in ("spp", "target_error", "time_limit_s"))
     return ({} if asked else {"spp": PREVIEW_SPP}) | {"denoise": values.get("denoise") is not False}
+
+
+def check_layer_name(layer: str | None) -> None:
+    """Raise SettingsError unless USD reads text from a file of this name, as it does not from .usdc."""
+    if layer is not None and Path(layer).suffix.lower() not in (".usda", ".usd"):
+        raise SettingsError("the layer is text: its name must end in .usda or .usd", where=layer, code="output-format")

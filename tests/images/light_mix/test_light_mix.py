@@ -398,10 +398,14 @@ def test_the_layer_is_of_the_stage_as_it_was_rendered(tmp_path: Path, capsys: An
         (["--fit-colors"], "--fit"),
         (["--layer", "x.usda"], "--stage"),
         (["-o", "room.exr"], "overwrite"),
+        (["-l", "key=2", "--layer", "mix.usdc", "--stage", "other.usda"], ".usda or .usd"),
+        (["-l", "key=2", "--layer", "mix.usda", "--stage", "other.usda"], "no light can be written: /key: the stage has no"),
     ],
 )
 def test_bad_arguments_are_errors(tmp_path: Path, capsys: Any, monkeypatch: Any, arguments: list[str], said: str) -> None:
     monkeypatch.chdir(tmp_path)
     picture(spp=2).save("room.exr")
+    Path("other.usda").write_text("#usda 1.0\n")
     assert run(["relight", "room.exr", *arguments]) == 2
+    assert not list(tmp_path.glob("mix.*"))
     assert said in capsys.readouterr().err

@@ -60,6 +60,7 @@ def explain(
             check_folder(Path(path))
     if overlay is not None and Path(overlay).suffix.lower() != ".png":
         raise SettingsError("the paths are drawn over a PNG", where=overlay, code="output-format")
+    option_values.check_layer_name(layer)
     time_code = option_values.one_frame_of(frames_in(given, scene), "explain")
     settings = RenderSettings(**setting_values(given), time_code=time_code)
     explainer = Explainer(KeptStage(scene, settings, writes_session=edits))

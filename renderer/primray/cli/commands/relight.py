@@ -103,7 +103,7 @@ def relight(
     from ...light_mix.fit import fit
     from ...light_mix.mix import LightMix
     from ..console import dumps, print_line
-    from ..option_values import mixes_of
+    from ..option_values import check_layer_name, mixes_of
 
     if (layer is None and not turns) != (stage is None):
         sentence = "--stage goes with --layer, which changes its lights, and with --turn, which renders a group of them again"
@@ -116,6 +116,7 @@ def relight(
             raise SettingsError(f"{flag} goes with {needs}", where=flag, code="lights-weight")
     for path in outputs or ():
         check_output_path(path)
+    check_layer_name(layer)
     for file in (layer, report):
         if file is not None:
             check_folder(Path(file))
@@ -229,6 +230,10 @@ def _write_layer(mix: LightMix, weights: Weights, stage: str, layer: Path) -> di
     for part in mix.parts:
         if not part.paths and weights[part.name] != (1.0, 1.0, 1.0):
             left_out[part.name] = "it is no light of the stage"
+    if of_lights and all(path in left_out for path in of_lights):
+        path, why = next(iter(left_out.items()))
+        more = f", and {len(of_lights) - 1} more" if len(of_lights) > 1 else ""
+        raise SettingsError(f"no light can be written: {path}: {why}{more}", where=str(layer), code="lights-layer")
     write_text(layer, text)
     return left_out
 
