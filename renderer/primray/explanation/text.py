@@ -18,7 +18,8 @@ def lines(pixel: ExplainedPixel, most: int) -> list[str]:
     from .explained import TITLES
 
     x, y = pixel.pixel
-    text = [f"{pixel.scene}, pixel {x} {y} of {pixel.camera or 'the automatic camera'}, {pixel.samples} samples"]
+    samples = "1 sample" if pixel.samples == 1 else f"{pixel.samples} samples"
+    text = [f"{pixel.scene}, pixel {x} {y} of {pixel.camera or 'the automatic camera'}, {samples}"]
     if pixel.shown is not None:
         shown = pixel.shown
         where = f" in {shown.instance}" if shown.instance else ""

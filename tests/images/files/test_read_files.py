@@ -139,6 +139,7 @@ LINES = {
     "render through a link": ["render", "tiled.usda", *SMALL, "-o", "link.png"],
     "explain": ["explain", "tiled.usda", "--pixel", "1", "1", *SMALL, "--overlay", "tile.1001.png"],
     "pin": ["pin", "tiled.usda", *SMALL, "--lock", "tile.1001.png"],
+    "sheet": ["sheet", "tiled.usda", "-o", "tile.1001.png"],
     "thumbnail": ["thumbnail", "tiled.usda", "tile.1001.png"],
     "measure": ["measure", "smoky.usda", "--at", "0,0,4", "-o", "link.csv"],
 }

@@ -239,6 +239,13 @@ def _sheet_of_shot(stage: Path, asked: tuple[Any, ...], output: str, limits: Lim
         raise SettingsError("no such folder or stage", where=str(stage), code="sheet")
     grid = grid_of(time_codes, cameras, variant_choices(variants), columns)
     _check_output(output, (*PICTURES, *PAGES))
+    if Path(output).suffix.lower() in PICTURES and Path(output).is_file():  # it may be a texture; other processes read these
+        from ...read_files import check_kept, note_read
+        from ...usd import files_to_watch
+
+        for file in files_to_watch(str(stage)):
+            note_read(file)
+        check_kept()
     count = "1 picture" if len(grid.cells) == 1 else f"{len(grid.cells)} pictures"
     title = f"{stage.name}: {count}"
     with tempfile.TemporaryDirectory(prefix="primray-sheet-") as scratch:
