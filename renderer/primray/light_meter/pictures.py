@@ -95,7 +95,7 @@ def _why_dark(stage: Any, settings: RenderSettings) -> str:
     parts = []
     for why, paths in found.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-        parts.append(f"{paths[0]}{more} {'are' if more else 'is'} {why or 'without emission'}")
+        parts.append(f"{paths[0]}{more} {'are' if more else 'is'} {why or 'without emission'}" if paths else why)
     return f"Nothing emits light: {'; '.join(parts)}."
 
 

@@ -283,6 +283,8 @@ def test_a_stage_that_emits_nothing_is_told_at_once(case: str, tmp_path: Path) -
     with pytest.raises(PrimrayError, match="Nothing emits light"):
         measure(stage, [LightMeter("a", (0.0, 3.0, 0.0))], fail_on=("no-light",))
     assert measure(stage, [LightMeter("a", (0.0, 3.0, 0.0))], daylight_factor=True, target=0.1).readings[0].value > 0.9
+    masked = measure(stage, [LightMeter("a", (0.0, 3.0, 0.0))], mask=["/floor"])
+    assert "no-light" in [row["code"] for row in masked.report["diagnostics"]]
 
 
 def test_materials_that_emit_are_light(tmp_path: Path) -> None:
