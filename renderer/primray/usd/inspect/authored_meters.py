@@ -13,7 +13,7 @@ from ...diagnostics import Diagnostics
 from ..scene.inheritance import transforms, world_matrix
 from ..stage.metadata import meters_per_unit, up_axis
 from ..stage.reads import computed, metadatum, property_names, schemas_applied, targets, type_name
-from ..stage.traversal import range_with_instances
+from ..stage.traversal import range_with_instances, world_prims_in_instances
 from ..stage.values import When, array, matrix, number, read, time_of, token, vector, when_of_few
 
 SCHEMA, PREFIX = "PrimrayLightMeterAPI", "primray:lightMeter:"
@@ -60,7 +60,8 @@ class _Reading:
     def below(self, root: Usd.Prim, name: str, placed: Gf.Matrix4d, depth: int = 0) -> Iterator[AuthoredMeter]:
         """Yield the meters from a prim down, whose names begin with `name` in place of its path; `placed` moves them to where
         they are drawn."""
-        prims = iter(range_with_instances(root))
+        # What is below a class or an over is not in the world, unless an instancer draws it.
+        prims = iter(range_with_instances(root) if name else world_prims_in_instances(root))
         for prim in prims:
             own = name + str(prim.GetPath()).removeprefix(str(root.GetPath()) if name else "")
             if type_name(prim) == "PointInstancer":

@@ -121,10 +121,9 @@ def _below_prototype(root: Usd.Prim) -> Iterator[Usd.Prim]:
         yield from Usd.PrimRange(child, _PROTOTYPE_IN_INSTANCES)
 
 
-def world_prims_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
-    """Return the prims of the world from this one down, those in native instances as their proxies."""
-    found: Iterable[Usd.Prim] = Usd.PrimRange(root, Usd.TraverseInstanceProxies())
-    return found
+def world_prims_in_instances(root: Usd.Prim) -> Usd.PrimRange:
+    """Return the range of prims of the world from this one down, those in native instances as their proxies."""
+    return Usd.PrimRange(root, Usd.TraverseInstanceProxies())
 
 
 def prims_in_instances(stage: Usd.Stage, wanted: str) -> Iterator[Usd.Prim]:

@@ -61,3 +61,16 @@ def test_an_instancer_that_draws_itself_ends() -> None:
     meter(stage, "/a")
     lamps(stage, "/a/again", "/a", [(1, 0, 0)])
     assert places(stage)["/a/again[0]/again[0]"] == [2, 0, 0]
+
+
+def test_meters_of_classes_are_not_in_the_world() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    stage.CreateClassPrim("/lamp")
+    meter(stage, "/lamp/below", (0, -1, 0))
+    for name, x in (("a", 1.0), ("b", 2.0)):
+        placed = UsdGeom.Xform.Define(stage, f"/{name}")
+        placed.AddTranslateOp().Set(Gf.Vec3d(x, 0, 0))
+        placed.GetPrim().GetReferences().AddInternalReference("/lamp")
+        placed.GetPrim().SetInstanceable(name == "b")
+    lamps(stage, "/lamps", "/lamp", [(7, 0, 0)])
+    assert places(stage) == {"/a/below": [1, -1, 0], "/b/below": [2, -1, 0], "/lamps[0]/below": [7, -1, 0]}
