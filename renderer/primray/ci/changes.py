@@ -1,4 +1,4 @@
-"""The files that differ between two sides of a git repository."""
+"""The files that differ between two sides of a git repository, without the pages that earlier runs wrote into it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .git import git
+
+MARKER = "<!-- primray ci -->"  # begins a page's comment, by which both are found again
+PAGE, REPORT, COMMENT = "index.html", "report.json", "comment.md"
 
 
 @dataclass(frozen=True)
@@ -46,3 +49,19 @@ def changes(root: Path, between: Sequence[str], *, untracked: bool, index: Path 
         for name in git(root, "ls-files", "--others", "--exclude-standard", "-z").split("\0"):
             if name:
                 yield Change(None, name)
+
+
+def is_of_page(change: Change, before: Path, after: Path) -> bool:
+    """Return whether a file is one that `primray ci -o` wrote: its folder's comment begins with the marker."""
+    sides = ((change.before, before), (change.after, after))
+    return all(_is_in_page(folder / path) for path, folder in sides if path is not None)
+
+
+def _is_in_page(file: Path) -> bool:
+    if file.name not in (PAGE, REPORT, COMMENT):
+        return False
+    try:
+        with (file.parent / COMMENT).open("rb") as comment:
+            return comment.read(len(MARKER)) == MARKER.encode()
+    except OSError:
+        return False

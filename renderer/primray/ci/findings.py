@@ -8,10 +8,10 @@ from typing import Any
 
 from ..version import __version__
 from .attribution import Effect, StageResult
+from .changes import MARKER
 from .repository import Sides
 from .touched import Reach
 
-MARKER = "<!-- primray ci -->"
 LONGEST_COMMENT = 60_000  # bytes of UTF-8; GitHub refuses more than 65,536 letters
 _SHOWN = 12  # edits of a stage in text
 EXIT_CODES = {"broken": 3, "changed": 1, "new": 1, "deleted": 1, "mended": 1, "undecided": 6, "unrendered": 6}

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..errors import SettingsError
-from .changes import Change, changes
+from .changes import Change, changes, is_of_page
 from .git import answers, empty_tree, git, staged_index
 from .submodules import Submodules, check_out
 
@@ -28,6 +28,7 @@ class Sides:
     head: str  # a commit, "staged" or "working tree"
     changes: tuple[Change, ...]
     submodules: Submodules = field(default_factory=Submodules)
+    ignored: frozenset[str] = frozenset()  # files and folders of the working tree that are none of the repository
 
 
 @contextmanager
@@ -60,13 +61,20 @@ def sides(folder: str | os.PathLike[str], base: str | None, head: str | None, *,
         old = before or empty_tree(root)
         between = ["--cached", old] if staged else [old] if head is None or start is None else [old, start]
         files = changes(root, between, untracked=is_working, index=index)
-        own = [change for change in files if not change.paths & submodules.found]
+        own = [change for change in files if not (change.paths & submodules.found or is_of_page(change, *folders))]
         name = "staged" if staged else head or "working tree"
-        yield Sides(*folders, before or "no commit", name, (*own, *submodules.changes), submodules)
+        ignored = _ignored(root) if is_working else frozenset()
+        yield Sides(*folders, before or "no commit", name, (*own, *submodules.changes), submodules, ignored)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
         for repository in (root, *submodules.repositories):
             answers(repository, "worktree", "prune")
+
+
+def _ignored(root: Path) -> frozenset[str]:
+    """Return the files that git ignores, and the folders where it ignores all."""
+    listed = git(root, "ls-files", "--others", "--ignored", "--exclude-standard", "--directory", "-z").split("\0")
+    return frozenset(name.rstrip("/") for name in listed if name)
 
 
 def _usual_base(root: Path) -> str:

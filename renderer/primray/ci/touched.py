@@ -42,7 +42,7 @@ def reach(sides: Sides, patterns: Sequence[str], most: int) -> Reach:
     broken_before: set[str] = set()
     broken_after: set[str] = set()
     for side in (sides.before, sides.after):
-        for path in _stage_files(side):
+        for path in _stage_files(side, sides.ignored if side is sides.after else frozenset()):
             found, broken = files_named(str(side / path))
             named.setdefault(path, set()).update(_relative(found, side))
             (broken_after if side is sides.after else broken_before).update(_relative(broken, side))
@@ -81,12 +81,18 @@ def absent_submodules(touched: Touched, sides: Sides) -> list[str]:
     return [path for path in sides.submodules.absent if _names_below(touched.files, path)]
 
 
-def _stage_files(side: Path) -> list[str]:
+def _stage_files(side: Path, ignored: frozenset[str]) -> list[str]:
+    """Return the stages of a side; a copy that git ignores, of a build or an environment, is none of them."""
     found = []
     for folder, folders, names in os.walk(side):
-        folders[:] = sorted(name for name in folders if name != ".git" and not name.startswith("."))
-        found += [os.path.relpath(os.path.join(folder, name), side) for name in names if name.lower().endswith(USD_SUFFIXES)]
-    return sorted(found)
+        below = os.path.relpath(folder, side)
+        folders[:] = sorted(name for name in folders if not name.startswith(".") and _path(below, name) not in ignored)
+        found += [_path(below, name) for name in names if name.lower().endswith(USD_SUFFIXES)]
+    return sorted(path for path in found if path not in ignored)
+
+
+def _path(folder: str, name: str) -> str:
+    return os.path.normpath(os.path.join(folder, name))
 
 
 def _relative(files: set[str], side: Path) -> set[str]:

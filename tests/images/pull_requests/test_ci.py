@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from primray.ci.attribution import Effect, StageResult
-from primray.ci.findings import LONGEST_COMMENT, MARKER, Findings, comment
+from primray.ci.changes import MARKER
+from primray.ci.findings import LONGEST_COMMENT, Findings, comment
 from primray.ci.repository import FETCH_ALL, Sides
 from primray.ci.touched import Reach
 from primray.cli import run
@@ -66,6 +67,27 @@ def test_the_working_tree_and_what_is_staged(repository: Path) -> None:
     assert run(["ci", "--staged", *SMALL]) == 1
     assert judged(repository)[0] == 0
     assert git(repository, "worktree", "list").count("\n") == 1
+
+
+def test_its_own_page_and_what_git_ignores_are_no_changes(repository: Path) -> None:
+    """Not the page of an earlier run, nor a stage of a build that names what changes."""
+    (repository / ".gitignore").write_text("build/\n")
+    git(repository, "add", ".gitignore")
+    git(repository, "commit", "--quiet", "-m", "ignored")
+    (repository / "build").mkdir()
+    (repository / "build" / "copy.usda").write_text("#usda 1.0\n(\n subLayers = [@../shot.usda@]\n)\n")
+    assert run(["ci", "main", "-o", "page", *SMALL]) == 0
+    code, report = judged(repository)
+    assert (code, report["changes"], report["unused"]) == (0, [], [])
+    git(repository, "add", "page")
+    git(repository, "commit", "--quiet", "-m", "a page")
+    replace(repository, "lights", ("intensity = 3", "intensity = 6"))
+    assert run(["ci", "main", "-o", "page", *SMALL]) == 1
+    code, report = judged(repository)
+    assert [change["after"] for change in report["changes"]] == ["lights.usda"]
+    assert [stage["stage"] for stage in report["stages"]] == ["shot.usda"]
+    (repository / "index.html").write_text("somebody's own")
+    assert "index.html" in judged(repository)[1]["unused"]
 
 
 def test_the_page_and_the_comment(repository: Path) -> None:

@@ -100,6 +100,7 @@ def ci(
 
 
 def _write(found: object, folder: Path, link: str) -> None:
+    from ...ci.changes import COMMENT, PAGE, REPORT
     from ...ci.findings import Findings, as_json, comment
     from ...ci.findings_page import write_page
     from ...images.image import write_text
@@ -107,7 +108,7 @@ def _write(found: object, folder: Path, link: str) -> None:
     from ..console import dumps
 
     assert isinstance(found, Findings)
-    make_folder(folder / "index.html")
-    write_page(found, folder / "index.html")
-    write_text(folder / "report.json", dumps(as_json(found), indent=2) + "\n")
-    write_text(folder / "comment.md", comment(found, link))
+    make_folder(folder / PAGE)
+    write_page(found, folder / PAGE)
+    write_text(folder / REPORT, dumps(as_json(found), indent=2) + "\n")
+    write_text(folder / COMMENT, comment(found, link))
