@@ -210,7 +210,9 @@ void bind_film(nb::module_& m) {
       .def_ro("relative_variance", &FrameError::relative_variance)
       .def_ro("squared", &FrameError::squared)
       .def_ro("squared_variance", &FrameError::squared_variance)
-      .def_prop_ro("tiles", [](const FrameError& e) { return to_numpy(std::vector(e.tiles), {e.tiles.size()}); }, kNewArray);
+      .def_prop_ro(
+          "tiles", [](const FrameError& e) { return to_numpy(std::vector(e.tiles), {e.tiles.size()}); }, kNewArray)
+      .def_prop_ro("pixels", [](const FrameError& e) { return to_numpy(std::vector(e.pixels), {e.pixels.size()}); }, kNewArray);
   nb::class_<Film>(m, "Film")
       .def(nb::new_(&make_film), nb::arg("width"), nb::arg("height"), nb::arg("expressions") = 0, nb::arg("removals") = 0,
            nb::arg("deep_tolerance") = 0.0, nb::arg("deep_samples") = 0)

@@ -83,6 +83,7 @@ class Strip {
   FrameError sums() {
     FrameError e;
     e.tiles.resize(size_t(film_.tiles_x));
+    e.pixels.resize(size_t(height_) * size_t(width_));
     for (int y = 0; y < height_; ++y)
       for (int x = 0; x < width_; ++x)
         if (measured_[size_t(y) * width_ + x]) add_pixel(e, x, y);
@@ -200,7 +201,7 @@ class Strip {
       w[c] = std::sqrt(alone * like);
       e.relative_alone += square * alone, e.relative_alike += square * like, e.relative += square * w[c];
       e.relative_plain += square / std::sqrt((r * r + kDarkest) * (alike * alike + kDarkest));
-      e.tiles[size_t(x) / kTile] += square * w[c];
+      e.tiles[size_t(x) / kTile] += square * w[c], e.pixels[size_t(y) * size_t(width_) + size_t(x)] += float(square * w[c]);
       e.squared += square;
     }
     for (int c = 0; c < kColors; ++c)
@@ -247,6 +248,7 @@ FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, i
     all.relative_plain += e.relative_plain, all.relative_variance += e.relative_variance;
     all.squared += e.squared, all.squared_variance += e.squared_variance;
     all.tiles.insert(all.tiles.end(), e.tiles.begin(), e.tiles.end());
+    all.pixels.insert(all.pixels.end(), e.pixels.begin(), e.pixels.end());
   }
   return all;
 }

@@ -23,6 +23,7 @@ struct FrameError {
   double relative_variance = 0;  // of (the true sum - `relative`), given the weights
   double squared = 0, squared_variance = 0;
   std::vector<double> tiles;  // share of `relative` in each tile of the rows that were evaluated
+  std::vector<float> pixels;  // the same of each pixel
 };
 
 // Weights of a mix of lights: for each light path expression of the film, what is added of its light to the image.

@@ -172,6 +172,12 @@ class Film:
         """
         return self._film.error(self._exposure_scale, most_pixels, threads, np.ascontiguousarray(mix, np.float64))
 
+    def error_parts(self, threads: int) -> Doubles:
+        """Return what each pixel adds to relMSE (H, W), by the weights of its estimate: times the number of values."""
+        film, every = self._film, 1 << 62
+        parts = self.error_sums(every, threads).pixels
+        return parts.astype(np.float64).reshape(film.height, film.width)
+
 
 def samples_of_replicates(samples: int) -> tuple[int, int]:
     """Return how many of a pixel's first `samples` belong to each replicate: the replicates take turns."""

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .. import core
 from ..arrays import Doubles, Floats
 from ..sampling.error import ONE_PERCENT, Estimate, fewest_samples
 from ..settings import Metric, StopAt
-from .picture_checks import weighed_errors
 from .rare_paths import RarePaths, find_rare_paths
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def what_rules(
     low, high = found["ci95"]
     if not Estimate(found["estimate"], low, high).doubt ** 2 >= VAGUE_FACTOR or not math.isfinite(high):
         return None
-    part = weighed_errors(pixels, errors)
+    part = sampling.film.error_parts(core.threads(prepared.settings))
     rulers = _rulers(prepared, part)
     rare = find_rare_paths(prepared.scene, sampling, part)
     x, y = rulers["pixel"]

@@ -10,6 +10,7 @@ import pytest
 
 import primray
 from primray import core
+from primray.arrays import Doubles
 from primray.report import rare_paths, vague_error
 from primray.report.picture_checks import weighed_errors
 
@@ -83,6 +84,19 @@ def caustics_by_chance(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("primray.core.scene.CoreScene.caustics", lambda *_: None)
 
 
+@pytest.fixture
+def parts(monkeypatch: pytest.MonkeyPatch) -> list[Doubles]:
+    """What each pixel adds to the error, of the renders that say what rules it."""
+    found, weigh = [], core.Film.error_parts
+
+    def noting(*of: Any) -> Doubles:
+        found.append(weigh(*of))
+        return found[-1]
+
+    monkeypatch.setattr(core.Film, "error_parts", noting)
+    return found
+
+
 def rendered(folder: Path, text: str, **asked: Any) -> primray.Image:
     (folder / "room.usda").write_text(text)
     return primray.render(folder / "room.usda", resolution=SIZE, progress=False, **asked)
@@ -108,7 +122,21 @@ def test_a_light_that_is_seen_is_no_caustic(monkeypatch: pytest.MonkeyPatch) -> 
     assert "more samples (--spp) smooth it" in found["message"]
 
 
-def test_what_an_error_takes_without_them_is_what_a_picture_without_them_has(tmp_path: Path) -> None:
+def test_pixels_are_weighed_as_the_estimate_weighs_them(tmp_path: Path, parts: list[Doubles]) -> None:
+    """A pixel's own value, made by a rare bright sample, would hide its error: nine pixels would have half, not one."""
+    image = rendered(tmp_path, room(), spp=16, max_depth=3)
+    found = image.report["error_ruled_by"]
+    (part,) = parts
+    assert part.sum() / part.size / 3 == pytest.approx(image.report["error"]["relmse"]["estimate"], rel=1e-4)
+    x, y = found["pixel"]
+    assert part[y, x] == part.max()
+    assert found["pixels"] == 1
+    assert image.errors is not None
+    own = weighed_errors(image.pixels, image.errors)
+    assert own.max() < 0.2 * own.sum()
+
+
+def test_what_an_error_takes_without_them_is_what_a_picture_without_them_has(tmp_path: Path, parts: list[Doubles]) -> None:
     rest = "C<.D>+L"
     image = rendered(tmp_path, room(), spp=64, max_depth=3, aovs=(CAUSTIC, rest), aov_errors=True)
     found = image.report["error_ruled_by"]
@@ -116,10 +144,13 @@ def test_what_an_error_takes_without_them_is_what_a_picture_without_them_has(tmp
     errors_of_rest = image.aovs[rest].errors
     assert image.errors is not None
     assert errors_of_rest is not None
-    whole = weighed_errors(image.pixels, image.errors).mean()
-    of_rest = weighed_errors(image.pixels, errors_of_rest).mean()
-    assert of_rest < 0.2 * whole
-    assert found["error_without"] == pytest.approx(of_rest / whole, abs=0.1)
+    (part,) = parts
+    ratio = (errors_of_rest.astype(np.float64) ** 2).sum(axis=2) / (image.errors.astype(np.float64) ** 2).sum(axis=2).clip(
+        1e-30
+    )
+    without = (part * ratio).sum() / part.sum()
+    assert without < 0.2
+    assert found["error_without"] == pytest.approx(without, abs=0.1)
     told, error = found["to_target"], image.report["error"]["relmse"]
     assert told["relmse"] == 1e-4
     assert told["times"] == {"estimate": error["estimate"] / 1e-4, "ci95": [end / 1e-4 for end in error["ci95"]]}
