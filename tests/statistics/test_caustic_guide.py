@@ -30,6 +30,7 @@ from tests.statistics.chi_square import SphereCells, density_p_value
 from tests.statistics.surfaces.surface_cases import random_numbers
 
 from primray import core
+from primray.arrays import Floats
 from primray.description import Doubles, Light, LightType, OpenPbr, Shape, Sphere, Surface
 from primray.settings import QUICK_LOOK, RenderSettings
 
@@ -131,6 +132,13 @@ def test_lobes_follow_the_light_as_points_move() -> None:
     assert np.median(density) * sun_sr > 0.5
 
 
+def floor_below_lamp() -> tuple[Doubles, Floats]:
+    """Points (N, 3) of the ground, and unit directions from them to a lamp at a height of 1."""
+    points = np.stack(np.meshgrid(np.linspace(-1, 1, 7), [0.0], np.linspace(-1, 1, 7)), axis=-1).reshape(-1, 3)
+    toward = np.array([0, 1, 0]) - points
+    return points, np.ascontiguousarray((toward / np.linalg.norm(toward, axis=1, keepdims=True)).astype(np.float32))
+
+
 def globe() -> Described:
     """A lamp in a ball of glass, above the ground."""
     shapes: list[tuple[Shape, Doubles]] = [(ground(6.0), np.eye(4)), (Sphere("/globe", 0.2, 1), translation(0, 1, 0))]
@@ -143,9 +151,7 @@ def test_a_lamp_in_a_globe_is_found() -> None:
     scene = globe().build()
     guide = kernels().find_caustics(scene, DEPTH, 1)
     assert guide is not None
-    points = np.stack(np.meshgrid(np.linspace(-1, 1, 7), [0.0], np.linspace(-1, 1, 7)), axis=-1).reshape(-1, 3)
-    toward = np.array([0, 1, 0]) - points
-    toward = np.ascontiguousarray((toward / np.linalg.norm(toward, axis=1, keepdims=True)).astype(np.float32))
+    points, toward = floor_below_lamp()
     share, _, _, density = kernels().caustic_lobes(scene, guide, points, np.zeros_like(toward), toward)
     assert (share > 0.3).all()
     lamp_sr = np.pi * 0.02**2 / (1 + (points**2).sum(axis=1))
@@ -191,9 +197,7 @@ def test_a_lamp_that_is_a_mesh_is_found() -> None:
     scene = describe(shapes, [lambert(0.5), GLASS, lambert(0.0, 100.0)], [], camera, (16, 16)).build()
     guide = kernels().find_caustics(scene, DEPTH, 1)
     assert guide is not None
-    points = np.stack(np.meshgrid(np.linspace(-1, 1, 7), [0.0], np.linspace(-1, 1, 7)), axis=-1).reshape(-1, 3)
-    toward = np.array([0, 1, 0]) - points
-    toward = np.ascontiguousarray((toward / np.linalg.norm(toward, axis=1, keepdims=True)).astype(np.float32))
+    points, toward = floor_below_lamp()
     share, _, _, _ = kernels().caustic_lobes(scene, guide, points, np.zeros_like(toward), toward)
     assert (share > 0.2).all()
     assert_mean_is_kept_with_less_noise(scene, guide, 256, DEPTH)  # 0.2 of the noise when this was written

@@ -168,13 +168,14 @@ std::unique_ptr<Film> make_film(int width, int height, int expressions, int remo
 }
 
 // `mix` (E, 3), or (0, 3).
-FrameError error_of(const Film& f, double exposure, int64_t most_pixels, int threads, const InArray<double>& mix) {
+FrameError error_of(const Film& f, double exposure, int64_t most_pixels, int threads, const InArray<double>& mix,
+                    bool by_pixel) {
   if (mix.ndim() != 2 || mix.shape(1) != size_t(Film::kColors) || (mix.shape(0) != 0 && mix.shape(0) != size_t(f.expressions)))
     throw Error("invariant", "the weights of a mix are not of the film's light path expressions");
   MixWeights weights(mix.shape(0));
   for (size_t i = 0; i < mix.size(); ++i) weights[i / Film::kColors][i % Film::kColors] = mix.data()[i];
   const nb::gil_scoped_release release;
-  return frame_error(f, exposure, most_pixels, threads, weights);
+  return frame_error(f, exposure, most_pixels, threads, weights, by_pixel);
 }
 
 // Returns sums (R, H, W, 4) of R, G, B and coverage.
@@ -228,7 +229,7 @@ void bind_film(nb::module_& m) {
       .def_prop_ro("deep_memory_bytes", [](const Film& f) { return f.deep ? f.deep->memory_bytes() : 0; })
       .def_ro("expressions", &Film::expressions)
       .def("error", &error_of, nb::arg("exposure"), nb::arg("most_pixels"), nb::arg("threads"), nb::arg("mix"),
-           "Sums over pixels and colours; see film/frame_error.hpp.")
+           nb::arg("by_pixel") = false, "Sums over pixels and colours; see film/frame_error.hpp.")
       .def_prop_ro("replicates", &replicates, kNewArray)
       .def_prop_ro(
           "counts",

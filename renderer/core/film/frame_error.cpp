@@ -80,10 +80,10 @@ class Strip {
     average();
   }
 
-  FrameError sums() {
+  FrameError sums(bool by_pixel) {
     FrameError e;
     e.tiles.resize(size_t(film_.tiles_x));
-    e.pixels.resize(size_t(height_) * size_t(width_));
+    if (by_pixel) e.pixels.resize(size_t(height_) * size_t(width_));
     for (int y = 0; y < height_; ++y)
       for (int x = 0; x < width_; ++x)
         if (measured_[size_t(y) * width_ + x]) add_pixel(e, x, y);
@@ -201,7 +201,8 @@ class Strip {
       w[c] = std::sqrt(alone * like);
       e.relative_alone += square * alone, e.relative_alike += square * like, e.relative += square * w[c];
       e.relative_plain += square / std::sqrt((r * r + kDarkest) * (alike * alike + kDarkest));
-      e.tiles[size_t(x) / kTile] += square * w[c], e.pixels[size_t(y) * size_t(width_) + size_t(x)] += float(square * w[c]);
+      e.tiles[size_t(x) / kTile] += square * w[c];
+      if (!e.pixels.empty()) e.pixels[size_t(y) * size_t(width_) + size_t(x)] += float(square * w[c]);
       e.squared += square;
     }
     for (int c = 0; c < kColors; ++c)
@@ -222,7 +223,8 @@ class Strip {
 
 }  // namespace
 
-FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, int threads, const MixWeights& mix) {
+FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, int threads, const MixWeights& mix,
+                       bool by_pixel) {
   PRIMRAY_ASSERT(mix.empty() || mix.size() == size_t(film.expressions));
   const int all_strips = (film.height + kStrip - 1) / kStrip;
   const int64_t wanted = std::max<int64_t>(most_pixels / (int64_t(film.width) * kStrip), 1);
@@ -233,7 +235,7 @@ FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, i
     const TimeSpan span("measure the error");
     for (int i; (i = next++) < strips;) {
       const int strip = int((2 * int64_t(i) + 1) * all_strips / (2 * strips));
-      parts[size_t(i)] = Strip(film, exposure, strip, mix).sums();
+      parts[size_t(i)] = Strip(film, exposure, strip, mix).sums(by_pixel);
     }
   };
   std::vector<std::thread> pool;

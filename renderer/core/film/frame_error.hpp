@@ -23,7 +23,7 @@ struct FrameError {
   double relative_variance = 0;  // of (the true sum - `relative`), given the weights
   double squared = 0, squared_variance = 0;
   std::vector<double> tiles;  // share of `relative` in each tile of the rows that were evaluated
-  std::vector<float> pixels;  // the same of each pixel
+  std::vector<float> pixels;  // the same of each pixel, if asked for
 };
 
 // Weights of a mix of lights: for each light path expression of the film, what is added of its light to the image.
@@ -32,6 +32,8 @@ using MixWeights = std::vector<std::array<double, Film::kColors>>;
 // Colours are multiplied by `exposure`. About `most_pixels` are evaluated at most, in rows of tiles spread evenly over the
 // image. Rows are distributed over `threads`; the result does not depend on their number. `mix`: the error is that of the image
 // with that light added; its differences of replicates add up with their signs, so that all covariances are included.
-FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, int threads, const MixWeights& mix = {});
+// `by_pixel`: also the pixels' shares, which take 4 bytes each.
+FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, int threads, const MixWeights& mix = {},
+                       bool by_pixel = false);
 
 }  // namespace primray

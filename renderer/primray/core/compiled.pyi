@@ -1162,7 +1162,9 @@ class Film:
     def deep_memory_bytes(self) -> int: ...
     @property
     def expressions(self) -> int: ...
-    def error(self, exposure: float, most_pixels: int, threads: int, mix: NDArray[numpy.float64]) -> FrameErrorSums:
+    def error(
+        self, exposure: float, most_pixels: int, threads: int, mix: NDArray[numpy.float64], by_pixel: bool = False
+    ) -> FrameErrorSums:
         """Sums over pixels and colours; see film/frame_error.hpp."""
 
     @property

@@ -175,7 +175,7 @@ class Film:
     def error_parts(self, threads: int) -> Doubles:
         """Return what each pixel adds to relMSE (H, W), by the weights of its estimate: times the number of values."""
         film, every = self._film, 1 << 62
-        parts = self.error_sums(every, threads).pixels
+        parts = film.error(self._exposure_scale, every, threads, NO_MIX, by_pixel=True).pixels
         return parts.astype(np.float64).reshape(film.height, film.width)
 
 

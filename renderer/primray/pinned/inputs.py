@@ -45,9 +45,11 @@ def files_of(stage: Path, settings: RenderSettings) -> list[str]:
     named = [getattr(settings, name) for name in FILES] + [os.environ.get("OCIO")]
     for path in named:
         if path is not None and os.path.isfile(path):
-            found += usd.dependencies(path).files if path.lower().endswith(STAGES) else [os.path.abspath(path)]
-    for path in found:
-        note_read(path)
+            if path.lower().endswith(STAGES):
+                found += usd.dependencies(path).files
+            else:
+                note_read(path)
+                found.append(os.path.abspath(path))
     check_kept()
     return list(dict.fromkeys(found))
 
