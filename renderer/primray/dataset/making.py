@@ -70,6 +70,7 @@ def make(
 
         order = order_of(config, place, threads, lock.classes)
         (LocalWorkers(processes) if executor is None else executor).run(order, missing, heard)
+        remove_leftovers(place)  # of workers that died, and whose samples others have made
         if missing or len(lock.samples) != config.samples:
             lock = with_samples(lock, place, config.samples)
         notes = pack(config, lock, place)

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ import pytest
 from primray import Image
 from primray.dataset import Config, Sampler, make, samples_of, verify
 from primray.dataset.ledger import finished, new_sample, sample_folder
+from primray.dataset.workers import Done, LocalWorkers
 from primray.errors import InternalError, PrimrayError, SettingsError
 
 from .room import config_in, plain_config, write_room
@@ -93,6 +95,26 @@ def test_two_thousand_pictures_are_the_same_bytes_with_kills(tmp_path: Path) -> 
     assert kills >= 8
     assert contents(part) == contents(tmp_path / "whole")
     print(f"{kills} kills, {time.process_time() - begun:.0f} CPU seconds here")
+
+
+class DyingWorkers:
+    """Workers on this machine, beside one that dies while it writes a sample that they make too."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def run(self, order: Mapping[str, Any], samples: Sequence[int], done: Done) -> None:
+        LocalWorkers(1).run(order, samples, done)
+        partial = self._folder / "samples" / ".000001.1534.a3eda415"
+        partial.mkdir()
+        (partial / "depth.npy").write_bytes(b"half of")
+
+
+def test_nothing_is_left_of_a_worker_that_died_while_it_wrote(tmp_path: Path) -> None:
+    config = config_in(tmp_path, samples=2)
+    make(config, tmp_path / "set", executor=DyingWorkers(tmp_path / "set"))
+    make(config, tmp_path / "whole")
+    assert contents(tmp_path / "set") == contents(tmp_path / "whole")
 
 
 def test_the_number_of_processes_and_threads_changes_no_byte(tmp_path: Path) -> None:

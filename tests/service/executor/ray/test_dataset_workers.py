@@ -31,7 +31,9 @@ def write_config(folder: Path) -> Path:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file() and p.name != ".lock"}
+    """Return the files of a data set. Names with a dot are none of it: workers of a lost node may write a while longer."""
+    files = {p.relative_to(folder): p for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {str(name): p.read_bytes() for name, p in files.items() if not any(part.startswith(".") for part in name.parts)}
 
 
 def command(config: Path, out: Path, cluster: RunningCluster) -> list[str]:
