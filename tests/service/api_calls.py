@@ -65,7 +65,7 @@ def submit(client: httpx2.Client, scene: str, settings: Json | None = None, **mo
     return job
 
 
-def finished(client: httpx2.Client, job_id: str, timeout_s: float = 60) -> Json:
+def finished(client: httpx2.Client, job_id: str, timeout_s: float = 180) -> Json:
     def ended() -> Json | None:
         job: Json = client.get(f"/v1/jobs/{job_id}", headers={"prefer": "wait=5"}).json()
         return job if job["finished_at"] is not None else None
@@ -73,7 +73,7 @@ def finished(client: httpx2.Client, job_id: str, timeout_s: float = 60) -> Json:
     return wait_until(ended, timeout_s)
 
 
-def wait_until(look: Any, timeout_s: float = 10.0) -> Any:
+def wait_until(look: Any, timeout_s: float = 60.0) -> Any:
     """What `look` answers once it is true."""
     until = time.monotonic() + timeout_s
     while not (found := look()):

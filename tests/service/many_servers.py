@@ -38,7 +38,7 @@ class Many:
     def leaders(self) -> list[RunningServer]:
         return [server for server in self.servers if metric(self.clients[server.url], "primray_dispatcher_leader") == 1]
 
-    def leader(self, timeout_s: float = 20.0) -> RunningServer:
+    def leader(self, timeout_s: float = 60.0) -> RunningServer:
         """The one that dispatches, once there is one."""
         found: RunningServer = wait_until(lambda: self.leaders(), timeout_s)[0]
         return found

@@ -45,7 +45,7 @@ class RunningServer:
         starts = [i for i, line in enumerate(lines) if "Traceback" in line or '"exception": [' in line]
         return ["\n".join(lines[i : i + 40]) if "Traceback" in lines[i] else lines[i] for i in starts]
 
-    def stop(self, number: int = signal.SIGTERM, timeout_s: float = 20.0) -> int:
+    def stop(self, number: int = signal.SIGTERM, timeout_s: float = 60.0) -> int:
         """Its exit code."""
         for client in self.clients:
             client.close()

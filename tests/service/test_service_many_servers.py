@@ -174,7 +174,7 @@ def test_who_logs_out_at_one_is_out_at_all(start_server: StartServer, database: 
     assert other.client().get("/v1/whoami", headers={"cookie": cookie}).status_code == 200
     one.client().delete("/v1/session", headers={"cookie": cookie})
     assert one.client().get("/v1/whoami", headers={"cookie": cookie}).status_code == 401
-    wait_until(lambda: other.client().get("/v1/whoami", headers={"cookie": cookie}).status_code == 401, 5)
+    wait_until(lambda: other.client().get("/v1/whoami", headers={"cookie": cookie}).status_code == 401)
     for server in (one, other):
         server.stop()
 
@@ -191,7 +191,7 @@ def test_when_the_one_that_dispatches_dies_another_goes_on(many: Many, database:
     wait_until(lambda: many.leaders(), 30)
     taken_over_s = time.monotonic() - killed
     print("taken over after", taken_over_s)
-    assert taken_over_s < TTL_S + 5
+    assert taken_over_s < TTL_S + 20
     many.more()  # the dead one's successor removes nothing of theirs
     store = open_store(database)
     for job_id in jobs:

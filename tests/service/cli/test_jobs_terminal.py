@@ -41,7 +41,7 @@ def start(*arguments: str, stderr: int, **environment: str) -> subprocess.Popen[
     )
 
 
-def read_until(handle: int, text: str, timeout_s: float = 20.0) -> str:
+def read_until(handle: int, text: str, timeout_s: float = 60.0) -> str:
     seen, until = b"", time.monotonic() + timeout_s
     while text not in plain(seen) and time.monotonic() < until:
         if select.select([handle], [], [], 0.1)[0]:

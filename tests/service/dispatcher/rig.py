@@ -54,13 +54,13 @@ class Rig:
             assert (len(body), hashlib.sha256(body).hexdigest()) == (row.bytes, row.sha256), row.name
         return rows
 
-    async def until(self, holds: Callable[[], bool], timeout_s: float = 20.0) -> None:
+    async def until(self, holds: Callable[[], bool], timeout_s: float = 90.0) -> None:
         until = time.monotonic() + timeout_s
         while not await asyncio.to_thread(holds):
             assert time.monotonic() < until, "it did not come to that in time"
             await asyncio.sleep(self.look_every_s)
 
-    async def ended(self, *job_ids: str, timeout_s: float = 30.0) -> list[Job]:
+    async def ended(self, *job_ids: str, timeout_s: float = 90.0) -> list[Job]:
         await self.until(lambda: all(self.job(job_id).state in TERMINAL for job_id in job_ids), timeout_s)
         return [self.job(job_id) for job_id in job_ids]
 

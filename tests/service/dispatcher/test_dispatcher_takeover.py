@@ -178,7 +178,7 @@ def test_a_lease_that_cannot_be_renewed_kills_its_workers_in_time(tmp_path: Path
         stuck.set()
         began = time.monotonic()
         await rig.until(lambda: not executor.running)
-        assert time.monotonic() - began < 2.5
+        assert time.monotonic() - began < 30  # of the minute that it renders
         assert rig.frame(job.id).state is FrameState.RUNNING, "what it could not write it did not write"
         stuck.clear()
         [ended] = await rig.ended(job.id)

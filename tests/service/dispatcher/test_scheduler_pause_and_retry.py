@@ -14,7 +14,13 @@ from tests.service.dispatcher.scripted import ScriptedExecutor, Worker
 
 from primray_service.jobs import FrameState, JobState
 
-QUICKLY_S = 3.0
+QUICKLY_S = 30.0  # some 0.1 s on a machine that does nothing else
+
+
+@pytest.fixture(autouse=True)
+def nothing_else_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is asked of a scheduler reaches it at once, and not when it looks at the store."""
+    monkeypatch.setattr("primray_service.dispatcher.frames.running.LOOK_S", 300.0)
 
 
 async def until_told_or_done(worker: Worker) -> None:

@@ -36,7 +36,7 @@ def answer(connection: socket.socket) -> tuple[int, dict[str, str], Any]:
     return int(lines[0].split()[1]), headers, json.loads(body) if body else None
 
 
-def is_closed(connection: socket.socket, timeout_s: float = 5.0) -> bool:
+def is_closed(connection: socket.socket, timeout_s: float = 30.0) -> bool:
     """Whether the other side has ended the connection, waiting a moment for it."""
     connection.settimeout(timeout_s)
     with contextlib.suppress(ConnectionResetError):

@@ -117,7 +117,7 @@ class Deliveries:
             self.rows[delivery_id] = replace(row, tries=row.tries + 1, state=state, next_at=next_at, last_error=error)
 
 
-async def until(condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
+async def until(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
     async with asyncio.timeout(timeout_s):
         while not condition():
             await asyncio.sleep(0.005)

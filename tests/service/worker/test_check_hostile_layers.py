@@ -44,7 +44,7 @@ def test_reference_bombs_are_counted_not_composed(tmp_path: Path, files: Files, 
     assert found.slug == "scene-too-large"
     assert found.problem["count"] > 1e9
     assert f" {what};" in found.problem["detail"]
-    assert found.seconds < 5
+    assert found.seconds < 60  # all of it would take days
 
 
 def test_smaller_ones_are_not_refused(tmp_path: Path) -> None:

@@ -105,7 +105,7 @@ def test_a_stream_ends_when_its_job_is_deleted(client, here):
         client.delete(here)
         began = time.perf_counter()
         list(lines)
-    assert time.perf_counter() - began < 5
+    assert time.perf_counter() - began < 30
 
 
 def test_many_streams_hear_the_same(server, client, here):
