@@ -72,8 +72,8 @@ def test_the_time_comes_first() -> None:
     start = time.perf_counter()
     r = report(target_error=1e-12, time_limit_s=0.5)
     assert r["stop"] == {"reason": "time-limit", "target_met": False}
-    assert 0.25 < r["sampling_s"] < 2.0  # a loaded machine may take its time
-    assert time.perf_counter() - start < 10
+    assert 0.25 < r["sampling_s"] < 8.0  # a loaded machine may take its time
+    assert time.perf_counter() - start < 60
     assert r["error"]["relmse"]["estimate"] > 0
 
 
