@@ -394,6 +394,8 @@ def test_the_layer_is_of_the_stage_as_it_was_rendered(tmp_path: Path, capsys: An
         (["-l", "key"], "NAME=0.5"),
         (["--stops", "key=1,2,3"], "NAME=+1"),
         (["--only", "key , sun"], "no light 'sun'"),
+        (["--only", " ,"], "--only names no light"),
+        (["--without", ""], "--without names no light"),
         (["--turn-spp", "4"], "--turn"),
         (["--fit-colors"], "--fit"),
         (["--layer", "x.usda"], "--stage"),

@@ -130,7 +130,7 @@ def relight(
     asked = {} if fitted is None else {name: found.weight for name, found in fitted.weights.items()}
     if mix_text is not None:
         asked |= weights_of_text(mixes_of([mix_text])[0])
-    asked |= _weights(mix, asked, lights or [], stops or [], _names(only), _names(without))
+    asked |= _weights(mix, asked, lights or [], stops or [], _names(only, "--only"), _names(without, "--without"))
     weights = mix.weights(asked)
     made = mix.mixed(asked)
     facts = {"picture": picture, "lights": _facts(mix, weights), "error": made.report["error"], "keeps_light": mix.keeps_light}
@@ -150,8 +150,11 @@ def relight(
         print("\n".join(_lines(mix, weights, facts, fitted)))
 
 
-def _names(text: str | None) -> list[str] | None:
-    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+def _names(text: str | None, flag: str) -> list[str] | None:
+    names = None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+    if names == []:
+        raise SettingsError(f"{flag} names no light; write NAME or NAME,NAME", where=flag, code="lights-weight")
+    return names
 
 
 def _weights(

@@ -5,6 +5,7 @@ For a folder, a page with every stage; for one stage, a picture of its frames, c
 
 from __future__ import annotations
 
+import json
 import sys
 import tempfile
 from contextlib import ExitStack
@@ -274,7 +275,20 @@ def _check_output(output: str, suffixes: tuple[str, ...]) -> None:
         raise SettingsError(sentence, where=output, code="unknown-extension")
     check_folder(Path(output))
     if Path(output).suffix.lower() in PAGES:
-        check_folder(Path(output).with_suffix(".json"))
+        told = Path(output).with_suffix(".json")
+        check_folder(told)
+        if told.exists() and not _is_of_a_sheet(told):
+            sentence = f"{told.name} beside it, which the sheet would replace, is no sheet's: give the page another name"
+            raise SettingsError(sentence, where=output, code="sheet")
+
+
+def _is_of_a_sheet(path: Path) -> bool:
+    """Return whether a file holds what `_write_json` writes."""
+    try:
+        rows = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return False
+    return isinstance(rows, list) and all(isinstance(row, dict) and {"stage", "exit_code"} <= row.keys() for row in rows)
 
 
 def _write_json(output: str, outcomes: list[Outcome]) -> None:

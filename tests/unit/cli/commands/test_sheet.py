@@ -131,6 +131,22 @@ def test_further_flags_win_and_are_checked_first(tmp_path: Path, monkeypatch: py
         assert run(["sheet", str(folder), "-o", str(tmp_path / "s.html"), "--", *flags]) == 2
 
 
+@limits_memory
+def test_a_page_replaces_no_file_but_a_sheets_beside_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "assets"
+    folder.mkdir()
+    (folder / "ball.usda").write_text(BALL)
+    for text in ('{"version": 1}', '[{"stage": "a.usda"}]', "[1]", "not json", "\xff"):
+        (tmp_path / "sheet.json").write_bytes(text.encode("latin-1"))
+        assert run(["sheet", str(folder), "-o", str(tmp_path / "sheet.html")]) == 2
+        assert "sheet.json beside it" in capsys.readouterr().err
+        assert (tmp_path / "sheet.json").read_bytes() == text.encode("latin-1")
+        assert not (tmp_path / "sheet.html").exists()
+    (tmp_path / "sheet.json").unlink()
+    assert sheet(folder)[0] == 0
+    assert sheet(folder)[0] == 0
+
+
 @pytest.mark.parametrize("arguments", [["no-such-folder"], ["."], [".", "-w", "0"]])
 def test_usage(arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
