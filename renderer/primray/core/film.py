@@ -164,18 +164,22 @@ class Film:
         """Return everything in the film as arrays, for `Film(scene, state)`."""
         return self._film.state()
 
-    def error_sums(self, most_pixels: int, threads: int, mix: Doubles = NO_MIX) -> compiled.FrameErrorSums:
+    def error_sums(
+        self, most_pixels: int, threads: int, mix: Doubles = NO_MIX, *, by_pixel: bool = False
+    ) -> compiled.FrameErrorSums:
         """Return the sums that error estimates are made of (film/frame_error.hpp computes them, sampling/error.py uses
         them).
 
         `mix` (E, 3): what is added of the light of each light path expression; the error is that of the sum.
+        `by_pixel`: also what each pixel adds.
         """
-        return self._film.error(self._exposure_scale, most_pixels, threads, np.ascontiguousarray(mix, np.float64))
+        weights = np.ascontiguousarray(mix, np.float64)
+        return self._film.error(self._exposure_scale, most_pixels, threads, weights, by_pixel=by_pixel)
 
     def error_parts(self, threads: int) -> Doubles:
         """Return what each pixel adds to relMSE (H, W), by the weights of its estimate: times the number of values."""
         film, every = self._film, 1 << 62
-        parts = film.error(self._exposure_scale, every, threads, NO_MIX, by_pixel=True).pixels
+        parts = self.error_sums(every, threads, by_pixel=True).pixels
         return parts.astype(np.float64).reshape(film.height, film.width)
 
 

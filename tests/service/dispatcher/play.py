@@ -10,6 +10,7 @@ from typing import Any
 from tests.service.dispatcher.rig import Rig, dispatching
 from tests.service.dispatcher.scripted import Script, ScriptedExecutor
 
+QUICKLY_S = 30.0  # some 0.1 s on a machine that does nothing else
 Act = Callable[[Rig, ScriptedExecutor], Awaitable[None]]
 
 

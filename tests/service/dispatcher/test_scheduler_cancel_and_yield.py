@@ -7,22 +7,14 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.service.dispatcher.play import play
+from tests.service.dispatcher.play import QUICKLY_S, play
 from tests.service.dispatcher.rig import Rig
 from tests.service.dispatcher.scripted import ScriptedExecutor, Worker
 
 from primray_service.files import DataDirectory
 from primray_service.jobs import FrameState, JobState
 
-# Some 0.1 s on a machine that does nothing else.
-QUICKLY_S = 30.0
-
-
-@pytest.fixture(autouse=True)
-def nothing_else_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is asked of a scheduler reaches it at once, and not when it looks at the store or is weary of waiting."""
-    monkeypatch.setattr("primray_service.dispatcher.frames.running.LOOK_S", 300.0)
-    monkeypatch.setattr("primray_service.dispatcher.scheduler.STOP_WITHIN_S", 60.0)
+pytestmark = pytest.mark.usefixtures("no_wait_ends")
 
 
 async def until_told(worker: Worker) -> None:

@@ -8,19 +8,13 @@ from pathlib import Path
 
 import pytest
 from tests.service.dispatcher.parts.pieces import Pieces
-from tests.service.dispatcher.play import play
+from tests.service.dispatcher.play import QUICKLY_S, play
 from tests.service.dispatcher.rig import NO_QUOTAS, Rig
 from tests.service.dispatcher.scripted import ScriptedExecutor, Worker
 
 from primray_service.jobs import FrameState, JobState
 
-QUICKLY_S = 30.0  # some 0.1 s on a machine that does nothing else
-
-
-@pytest.fixture(autouse=True)
-def nothing_else_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is asked of a scheduler reaches it at once, and not when it looks at the store."""
-    monkeypatch.setattr("primray_service.dispatcher.frames.running.LOOK_S", 300.0)
+pytestmark = pytest.mark.usefixtures("no_wait_ends")
 
 
 async def until_told_or_done(worker: Worker) -> None:

@@ -275,11 +275,15 @@ def _check_output(output: str, suffixes: tuple[str, ...]) -> None:
         raise SettingsError(sentence, where=output, code="unknown-extension")
     check_folder(Path(output))
     if Path(output).suffix.lower() in PAGES:
-        told = Path(output).with_suffix(".json")
-        check_folder(told)
-        if told.exists() and not _is_of_a_sheet(told):
-            sentence = f"{told.name} beside it, which the sheet would replace, is no sheet's: give the page another name"
+        beside = _json_beside(output)
+        check_folder(beside)
+        if beside.exists() and not _is_of_a_sheet(beside):
+            sentence = f"{beside.name} beside it, which the sheet would replace, is no sheet's: give the page another name"
             raise SettingsError(sentence, where=output, code="sheet")
+
+
+def _json_beside(page: str) -> Path:
+    return Path(page).with_suffix(".json")
 
 
 def _is_of_a_sheet(path: Path) -> bool:
@@ -295,7 +299,7 @@ def _write_json(output: str, outcomes: list[Outcome]) -> None:
     from ...images.image import write_text
     from ..console import dumps
 
-    write_text(Path(output).with_suffix(".json"), dumps([_as_json(outcome) for outcome in outcomes], indent=1) + "\n")
+    write_text(_json_beside(output), dumps([_as_json(outcome) for outcome in outcomes], indent=1) + "\n")
 
 
 def _print_outcome(outcome: Outcome) -> None:

@@ -213,7 +213,7 @@ def test_long_polls_end_with_the_news_or_the_time(client, scene):
     began = time.perf_counter()
     waited = client.get(here, headers={"prefer": "wait=1", "if-none-match": etag})
     assert (waited.status_code, waited.headers["preference-applied"]) == (304, "wait=1")
-    assert time.perf_counter() - began > 0.9
+    assert 0.9 < time.perf_counter() - began < 15
     began = time.perf_counter()
     client.post(f"{here}/cancel")
     ended = client.get(here, headers={"prefer": "respond-async, wait=20"})
